@@ -37,7 +37,9 @@ class Inside:
 
     def _run(self, module: str, path: str) -> None:
         with suppress(OSError, ValueError):  # nobody listens any more
-            child.say(lambda: child._held(child.contents_of(module, Path(path))), self._questions)
+            child.say(
+                lambda: child._send_contents(child.contents_of(module, Path(path))), self._questions
+            )
         with suppress(OSError):
             self._said.close()
 

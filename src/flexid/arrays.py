@@ -1,4 +1,4 @@
-"""The one type of array that functions take and return, and results as JSON has them."""
+"""The type of array that functions take and return, and conversion of results to JSON."""
 
 import json
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 
 class _AsLists:
-    """Lets pydantic read an array from lists of numbers, without being loaded for it."""
+    """Annotation by which pydantic validates lists of numbers as an array; imported only then."""
 
     @staticmethod
     def __get_pydantic_core_schema__(_source: Any, _handler: Any) -> Any:
@@ -33,25 +33,25 @@ FloatArray = Annotated[NDArray[np.float64], _AsLists]
 
 
 def to_json(document: Mapping[str, Any]) -> str:
-    """Text of a document; numbers that JSON does not have become null."""
+    """Return a document as JSON text; NaN and infinity become null."""
     return json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def plain(value: Any) -> Any:
-    """What JSON has for a value: tables for dataclasses, lists for arrays, null for no number."""
+    """Return a value in JSON types: objects for dataclasses, lists for arrays, null for NaN."""
     if is_dataclass(value):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
         return {_key(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
-    if callable(listed := getattr(value, "tolist", None)):  # an array, or a number of NumPy
+    if callable(listed := getattr(value, "tolist", None)):  # an array or a NumPy scalar
         return plain(listed())
     return None if isinstance(value, float) and not isfinite(value) else value
 
 
 def _key(key: Any) -> Any:
-    """A key; a horizon in s as a number, and that of a free run, which has no end, in a word."""
+    """Key as text if it is a horizon in s; an infinite horizon, a free run, becomes "free"."""
     if isinstance(key, float):
         return "free" if isinf(key) else f"{key:g}"
     return key

@@ -1,4 +1,4 @@
-"""Every exception flexid raises on purpose: data as fields, and one sentence for a user."""
+"""Exceptions that flexid raises on purpose: fields for programs, one sentence for users."""
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, fields
@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """What to write instead of a word, after what is said of it: the nearest, or all there are."""
+    """Return the end of a message about an unknown word: the closest known one, or all of them."""
     names = [*known]
     close = get_close_matches(word, names, n=1, cutoff=0.6)
     return f": did you mean {close[0]}?" if close else f": there are {', '.join(names)}"
@@ -15,9 +15,9 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 @dataclass(eq=False, repr=False)
 class FlexidError(Exception):
-    """Root of all exceptions that flexid raises on purpose; they travel between processes."""
+    """Base class of all exceptions that flexid raises on purpose; instances can be pickled."""
 
-    _text: ClassVar[str] = ""  # the sentence, with a class's fields
+    _text: ClassVar[str] = ""  # template of the message, with the fields of the class
 
     def __str__(self) -> str:
         return self._text.format_map(vars(self))
@@ -28,11 +28,11 @@ class FlexidError(Exception):
 
 @dataclass(eq=False, repr=False)
 class ExpressionError(FlexidError):
-    """A text expression uses something outside the whitelist."""
+    """A text expression uses a name or an operation that is not allowed."""
 
     expression: str  # the offending text
-    reason: str  # what is wrong with it and what may stand there instead
-    place: str = "expression"  # where the text stands: a file, a row, a coefficient
+    reason: str  # what is wrong with it and what to write instead
+    place: str = "expression"  # where the text is: a file, a row, a coefficient
 
     def __str__(self) -> str:
         text = self.expression
@@ -51,12 +51,12 @@ class ModelError(FlexidError):
 
 @dataclass(eq=False, repr=False)
 class AccelerationError(FlexidError):
-    """The parametric observer of a model would need an acceleration."""
+    """The parametric observer of a model would require an acceleration."""
 
-    model: str  # where the offending regressor stands: model, row, coefficient
+    model: str  # place of the offending regressor: model, row, coefficient
     row: str
     coefficient: str
-    velocity: str  # that of another row, on which the regressor depends
+    velocity: str  # velocity of another row, on which the regressor depends
     _text = (
         "{model}: row {row!r}: the regressor of {coefficient!r} depends on {velocity!r}, the "
         "velocity of another row, so its cancelling term needs the acceleration d{velocity}/dt: "
@@ -67,7 +67,7 @@ class AccelerationError(FlexidError):
 
 @dataclass(eq=False, repr=False)
 class RecordingError(FlexidError):
-    """A recording cannot be used as it stands."""
+    """A log or recording cannot be used."""
 
     file: str  # the file or source of the recording
     place: str  # row, column or key
@@ -101,7 +101,7 @@ class ExperimentError(FlexidError):
     """An experiment file, or a value set in it, cannot be used."""
 
     path: str  # the file
-    key: str  # dotted path of the key; empty where the whole file is meant
+    key: str  # dotted path of the key; empty for the whole file
     reason: str  # what is wrong, a predicate of the key or the file, and the remedy
 
     def __str__(self) -> str:
@@ -120,7 +120,7 @@ class CampaignError(FlexidError):
 
 @dataclass(eq=False, repr=False)
 class ConvergenceError(FlexidError):
-    """An iterative estimate did not converge, or converged where the data contradict it."""
+    """An iterative estimate did not converge, or converged to values that the data contradict."""
 
     estimator: str  # which estimator
     reason: str  # what happened and what to change
@@ -129,24 +129,24 @@ class ConvergenceError(FlexidError):
 
 @dataclass(eq=False, repr=False)
 class ArgumentError(FlexidError, TypeError):
-    """A function was called with an argument that it does not take, or with one of a wrong type."""
+    """A function was called with an unknown argument, or with one of a wrong type."""
 
     function: str
     argument: str
-    reason: str  # what is wrong with it, a predicate, and what would be right
+    reason: str  # what is wrong with it, a predicate, and what is accepted
     _text = "{function}: {argument} {reason}"
 
 
 def check_names(setting: str, names: Iterable[str], known: Collection[str]) -> None:
-    """Raise a `SettingError` for the first name that is not known."""
+    """Raise a `SettingError` for the first name that is not in `known`."""
     for name in names:
         if name not in known:
             raise SettingError(setting, f"{name!r} is unknown{did_you_mean(str(name), known)}")
 
 
 def one_of(setting: str, text: str, known: Iterable[str]) -> str:
-    """A text, if it is known; else a `SettingError` that lists what there is."""
+    """Return a text that is in `known`; raise a `SettingError` with all choices for any other."""
     names = [*known]
     if text not in names:
-        raise SettingError(setting, f"{text[:40]!r} is none of {', '.join(names)}")
+        raise SettingError(setting, f"{text[:40]!r} is not one of {', '.join(names)}")
     return text

@@ -1,4 +1,4 @@
-"""Files: from outside bounded in size and refused in one sentence; written whole or not at all."""
+"""Files: read with a limit on their size, written completely or not at all."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from flexid.errors import SettingError
 
-Refuse = Callable[[str], Exception]  # makes an error of a reason
+Refuse = Callable[[str], Exception]  # makes an error from a reason
 
 _ADDRESS = re.compile(r"^([a-z]{2,}):/(?=[^/])")
 
 
 def shown(path: Path) -> str:
-    """The path as it was given, for a message: on one line, and no longer than one can read."""
+    """Return a path for a message: one line of at most 300 characters."""
     text = "".join(
         character if character.isprintable() else repr(character)[1:-1] for character in str(path)
     )
-    text = _ADDRESS.sub(r"\1://", text)  # an address has two slashes, of which a path keeps one
+    text = _ADDRESS.sub(r"\1://", text)  # a Path drops one of the two slashes of an address
     return text if len(text) <= 300 else f"{text[:140]}...{text[-140:]}"
 
 
 def check_file(path: Path, wanted: str, refuse: Refuse) -> int:
-    """Size in bytes of an ordinary file."""
+    """Return the size of a regular file in bytes; raise for anything else."""
     remedy = f"give the path of {wanted}"
     try:
         status = os.stat(path)
@@ -47,23 +47,23 @@ def check_file(path: Path, wanted: str, refuse: Refuse) -> int:
     except (OSError, ValueError) as error:
         if isinstance(error, OSError) and error.errno == errno.ELOOP:
             raise refuse(f"this is a link that leads back to itself: {remedy}") from None
-        raise refuse(_not_opened(error, remedy)) from None
+        raise refuse(_opening_failure(error, remedy)) from None
     if stat.S_ISDIR(status.st_mode):
         raise refuse(f"this is a folder: {remedy}")
-    if not stat.S_ISREG(status.st_mode):  # opening a pipe would wait for its other end
+    if not stat.S_ISREG(status.st_mode):  # opening a pipe would block
         raise refuse("this is not a regular file: copy its content into one")
     return status.st_size
 
 
 def read_bytes(path: Path, limit: int, wanted: str, refuse: Refuse, *, shorten: str = "") -> bytes:
-    """Bytes of a file of at most `limit` bytes."""
+    """Return the content of a file; raise if it has more than `limit` bytes."""
     size = check_file(path, wanted, refuse)
     if size <= limit:
         try:
-            with path.open("rb") as file:  # as many bytes as are asked for are reserved
+            with path.open("rb") as file:  # Python allocates as many bytes as `read` asks for
                 raw = file.read(size + 1)
         except OSError as error:
-            raise refuse(_not_opened(error, f"give the path of {wanted}")) from None
+            raise refuse(_opening_failure(error, f"give the path of {wanted}")) from None
         if len(raw) <= size:
             return raw
         raise refuse("the file grows while it is read: wait until it is complete")
@@ -74,18 +74,18 @@ def read_bytes(path: Path, limit: int, wanted: str, refuse: Refuse, *, shorten: 
 
 
 def sha256(path: Path) -> str:
-    """Digest of a file's bytes, however long it is."""
+    """Return the SHA-256 digest of a file of any length."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _not_opened(error: OSError | ValueError, remedy: str) -> str:
+def _opening_failure(error: OSError | ValueError, remedy: str) -> str:
     reason = (getattr(error, "strerror", None) or str(error)).lower()
     return f"the file cannot be opened ({reason}): {remedy}"
 
 
 def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
-    """Write a file under a temporary name, and rename it when it is on the disk."""
+    """Write a file under a temporary name, and rename it once it is on the disk."""
     temporary = path.with_name(f".{path.name}.tmp")
     try:
         write(temporary)
@@ -99,7 +99,7 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def _synchronise(path: Path) -> None:
-    # Windows wants a file that is open for writing
+    # Windows flushes only files that are open for writing.
     handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
     try:
         os.fsync(handle)
@@ -108,20 +108,20 @@ def _synchronise(path: Path) -> None:
 
 
 def write_document(path: Path, text: str) -> None:
-    """Write a text file that appears whole or not at all; a `SettingError` if it cannot."""
+    """Write a text file completely or not at all; raise a `SettingError` if that fails."""
     try:
         write_atomically(path, lambda place: place.write_text(text, encoding="utf-8"))
     except (OSError, ValueError) as error:  # ValueError: a null character in the path
-        raise _not_written("path", path, error) from None
+        raise _writing_error("path", path, error) from None
 
 
-def _not_written(setting: str, path: Path, error: OSError | ValueError) -> SettingError:
+def _writing_error(setting: str, path: Path, error: OSError | ValueError) -> SettingError:
     reason = (getattr(error, "strerror", None) or "its name cannot be used").lower()
     return SettingError(setting, f"{path} cannot be written ({reason}): name another place")
 
 
 def check_name(directory: Path, setting: str = "out") -> None:
-    """Raise where a directory's name is not UTF-8: Polars can neither read nor write there."""
+    """Raise if a directory's name is not UTF-8: Polars can neither read nor write there."""
     try:
         str(directory).encode()
     except UnicodeEncodeError:
@@ -130,15 +130,15 @@ def check_name(directory: Path, setting: str = "out") -> None:
 
 @contextmanager
 def output_directory(out: Path) -> Iterator[Path]:
-    """Directory to write into, whose files move to `out` only when all are written."""
+    """Yield a temporary directory; move its files to `out` when all are written."""
     existed = out.exists()
     check_name(out)
     try:
         out.mkdir(parents=True, exist_ok=True)
-        _sweep(out)
-        staging = Path(tempfile.mkdtemp(prefix=f"{_staging()}{os.getpid()}-", dir=out))
+        _remove_abandoned(out)
+        staging = Path(tempfile.mkdtemp(prefix=f"{_staging_prefix()}{os.getpid()}-", dir=out))
     except OSError as error:
-        raise _not_written("out", out, error) from None
+        raise _writing_error("out", out, error) from None
     try:
         yield staging
         _move_all(staging, out)
@@ -148,30 +148,30 @@ def output_directory(out: Path) -> Iterator[Path]:
     staging.rmdir()
 
 
-def _staging() -> str:
-    """How the names of folders begin that processes of this machine write into."""
+def _staging_prefix() -> str:
+    """Return the prefix of the temporary directories of this machine's processes."""
     return f".flexid-{platform.node()}-"
 
 
-def _sweep(out: Path) -> None:
-    """Remove the folders that killed processes have left."""
-    if os.name != "posix":  # elsewhere a process cannot be asked whether it lives
+def _remove_abandoned(out: Path) -> None:
+    """Remove the temporary directories that killed processes have left in `out`."""
+    if os.name != "posix":  # elsewhere signal 0 does not test for a process
         return
     for left in out.iterdir():
-        process = left.name.removeprefix(_staging()).partition("-")[0]
-        if left.name.startswith(_staging()) and process.isdigit():
+        process = left.name.removeprefix(_staging_prefix()).partition("-")[0]
+        if left.name.startswith(_staging_prefix()) and process.isdigit():
             try:
                 os.kill(int(process), 0)
             except ProcessLookupError:
                 shutil.rmtree(left, ignore_errors=True)
             except OSError:
-                pass  # another user's
+                pass  # the process of another user
 
 
 def _move_all(staging: Path, out: Path) -> None:
     files = list(staging.iterdir())
     for file in files:
-        if (out / file.name).is_dir():  # before the first move, so that none is left half done
+        if (out / file.name).is_dir():  # checked before the first move: all files move, or none
             raise SettingError("out", f"{out / file.name} is a directory: move it away")
     for file in files:
         os.replace(file, out / file.name)
@@ -180,7 +180,7 @@ def _move_all(staging: Path, out: Path) -> None:
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
 
-MAX_BYTES = 200_000  # largest file that is read
+MAX_BYTES = 200_000  # largest configuration file that is read
 
 _MOST_PARTS = 20  # of a key, such as controller.nominal.k
 _LONG_KEY = re.compile(
@@ -188,23 +188,23 @@ _LONG_KEY = re.compile(
 )
 
 RefuseKey = Callable[[str, str], Exception]
-"""Makes an error of a key, empty where the whole file is meant, and a reason, a predicate."""
+"""Makes an error from a key (empty for the whole file) and a reason (a predicate of the key)."""
 
 Content = TypeVar("Content", bound="BaseModel")
 
 
 def read_small(path: Path, wanted: str, refuse: RefuseKey) -> bytes:
-    """Read a small file."""
+    """Return the content of a file of at most `MAX_BYTES` bytes."""
     return read_bytes(path, MAX_BYTES, wanted, partial(refuse, ""))
 
 
 def is_arm_file(model: str) -> bool:
-    """Whether it is the path of a TOML file, which is that of an arm."""
+    """Whether `model` is the path of a TOML file, which describes an arm."""
     return model.lower().endswith(".toml")
 
 
 def refuse_arm_file(model: str) -> None:
-    """Raise a `SettingError` for an arm where the model of one joint is wanted."""
+    """Raise a `SettingError` if `model` is an arm, where one joint is required."""
     if is_arm_file(model):
         raise SettingError(
             "model", f"{model!r} is an arm: only flexid identify, the command, takes it"
@@ -212,8 +212,8 @@ def refuse_arm_file(model: str) -> None:
 
 
 def parse_toml(raw: bytes, refuse: RefuseKey) -> dict[str, Any]:
-    """Tables of a TOML file, from its bytes."""
-    if _LONG_KEY.search(raw):  # tomllib takes minutes and gigabytes for it
+    """Return the tables of a TOML file from its bytes."""
+    if _LONG_KEY.search(raw):  # tomllib needs minutes and gigabytes for such a key
         raise refuse("", f"has a key of more than {_MOST_PARTS} parts: correct it")
     try:
         return tomllib.loads(raw.decode("utf-8-sig"))
@@ -221,14 +221,14 @@ def parse_toml(raw: bytes, refuse: RefuseKey) -> dict[str, Any]:
         raise refuse("", f"is not text at byte {error.start}: save it as UTF-8") from None
     except tomllib.TOMLDecodeError as error:
         if raw.lstrip().startswith(b"{"):
-            raise refuse("", "is JSON, as an estimate: give a file in TOML") from None
+            raise refuse("", "is JSON, like a saved estimate: give a TOML file") from None
         raise refuse("", f"is not TOML: {one_line(str(error))}; correct it") from None
     except (RecursionError, ValueError):
         raise refuse("", "is not TOML that can be read: simplify it") from None
 
 
 def validated(content: object, schema: type[Content], refuse: RefuseKey) -> Content:
-    """The content as an instance of the schema, checked for keys, types and ranges."""
+    """Return the content as an instance of the schema; raise if keys, types or ranges are wrong."""
     from pydantic import ValidationError
 
     try:
@@ -238,8 +238,8 @@ def validated(content: object, schema: type[Content], refuse: RefuseKey) -> Cont
 
 
 def first_complaint(error: ValidationError, content: object) -> tuple[str, str]:
-    """The key of the content that is wrong first, and the reason, a predicate."""
-    # A misspelt key is missing too; its own spelling says more.
+    """Return the first wrong key of the content, and the reason as a predicate."""
+    # A misspelt key also counts as missing; naming the misspelt key helps more.
     first = min(error.errors(include_url=False), key=lambda one: one["type"] != "extra_forbidden")
     key = _key(first["loc"], content, first["type"] == "missing")
     if first["type"] == "missing":
@@ -249,7 +249,7 @@ def first_complaint(error: ValidationError, content: object) -> tuple[str, str]:
     tables = ("model_type", "model_attributes_type", "dict_type", "mapping_type", "dataclass_type")
     if first["type"] in tables:
         return key, "must be a table: correct it"
-    if first["type"].startswith("union_tag"):  # the key that says what kind of table it is
+    if first["type"].startswith("union_tag"):  # the key that selects the kind of table
         context = {name: str(text).replace("'", "") for name, text in first.get("ctx", {}).items()}
         key = f"{key}.{context['discriminator']}"
         if "expected_tags" in context:
@@ -260,7 +260,7 @@ def first_complaint(error: ValidationError, content: object) -> tuple[str, str]:
 
 
 def _key(location: tuple[int | str, ...], content: Any, missing: bool) -> str:
-    """Dotted key of a place in the content, without the names that a schema gives to kinds."""
+    """Dotted key of a location, without the names by which a schema labels alternatives."""
     parts, inside = [], content
     for place, part in enumerate(location, start=1):
         items: Any = dict(enumerate(inside)) if isinstance(inside, list) else inside
@@ -272,5 +272,5 @@ def _key(location: tuple[int | str, ...], content: Any, missing: bool) -> str:
 
 
 def one_line(text: str) -> str:
-    """The text without line breaks."""
+    """Return the text without line breaks."""
     return " ".join(text.split())

@@ -50,7 +50,7 @@ REFUSED = (
     ("campaign damped.toml --out rows", "needs the acceleration"),
     ("compare a.json other.json --out out", "is no estimate: give an estimate.json"),
     ("compare a.json empty --out out", "give the path of an estimate.json"),
-    ("simulate a.json", "a.json: is JSON, as an estimate: give a file in TOML"),
+    ("simulate a.json", "a.json: is JSON, like a saved estimate: give a TOML file"),
     ("derive flexible-joint --to fortran", "latex, python, c"),
     ("derive model.toml --terms gravity", "terms: is for flexible-joint"),
     ("derive model.toml --unknown-input-gain", "unknown-input-gain: is for flexible-joint"),

@@ -53,7 +53,7 @@ def test_a_log_that_is_damaged_in_the_middle(
     monkeypatch.setattr(incoming, "BLOCK", 1000)
     outcome = flexid("watch", log, "--stop-at-end", "--json", *PAPER)
     assert outcome.status == 2
-    assert "the file cannot be read on from there" in outcome.stderr
+    assert "the file cannot be read further" in outcome.stderr
     taken = json.loads(outcome.stdout.splitlines()[-1])["samples"]["taken"]
     assert 1000 <= taken < 30000
 

@@ -79,7 +79,7 @@ def test_what_is_left_shows_it_beside_all_terms(monkeypatch, short, floor):
     [
         (9.0, 1.0, made_fit(1.5), made_fit(1.0), True),
         (9.0, 1.0, made_fit(1.5), None, False),  # it diverges on its way
-        # What short segments leave, too, is none of what memory has to explain.
+        # What short segments leave, too, is not one of what memory has to explain.
         (1.28, 1.0, made_fit(1.12), made_fit(1.12), False),
         (1.28, 1.1, made_fit(1.12), made_fit(1.12), True),
         # What comes out negative drives.

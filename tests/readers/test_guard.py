@@ -68,14 +68,14 @@ def test_one_function_and_one_line(reader: Readers):
         ("import os; os._exit(0)", "not an odd file that can be read"),
         ("raise KeyError('x')", "not an odd file that can be read"),
         ("return 3", "not an odd file that can be read"),
-        ("return bytearray(10**12)", "more memory or time than it may have"),
+        ("return bytearray(10**12)", "exceeds the limit of memory or time"),
         (
             "kept = []\n    while True: kept.append(bytearray(10**7))",
-            "more memory or time than it may have",
+            "exceeds the limit of memory or time",
         ),
         ("deep = lambda: deep()\n    deep()", "not an odd file that can be read"),
-        ("import time; time.sleep(900)", "more memory or time"),
-        ("while True: pass", "more memory or time"),
+        ("import time; time.sleep(900)", "the limit of memory or time"),
+        ("while True: pass", "the limit of memory or time"),
         ("raise RefusedError('page 3', 'it is torn: export it again')", "page 3: it is torn"),
         ("import no_such_package", "read by no_such_package, which is not installed: pip install "),
         ("return pl.DataFrame({'time': [1.0], 'big': ['x' * 20_000_000]})", "no motor_position"),
@@ -86,7 +86,7 @@ def test_what_a_reader_may_do(
     reader: Readers, body: str, words: str, monkeypatch: pytest.MonkeyPatch
 ):
     """Assert that a crash, a bomb, a hang and an error are one sentence."""
-    if words == "more memory or time":  # a hang, for which no answer is waited
+    if words == "the limit of memory or time":  # a hang, for which no answer is waited
         monkeypatch.setattr(guard, "LIMITS", guard.LIMITS._replace(silence=1.0, processor=1.0))
     assert words in refused(table_of_file, reader(f"def read(path):\n    {body}"), None)
 
@@ -94,11 +94,11 @@ def test_what_a_reader_may_do(
 @pytest.mark.parametrize(
     ("body", "words"),
     [
-        ("import os; os.abort()", "row 51 or after: the file cannot be read on from there"),
-        ("raise ValueError('two\\nlines')", "row 51 or after: the file cannot be read on"),
+        ("import os; os.abort()", "row 51 or after: the file cannot be read further"),
+        ("raise ValueError('two\\nlines')", "row 51 or after: the file cannot be read further"),
         ("raise RefusedError('row 7', 'it is torn: mend it')", "row 7: it is torn: mend it"),
-        ("while True: pass", "more memory or time"),
-        ("return bytearray(10**12)", "more memory or time than it may have"),
+        ("while True: pass", "the limit of memory or time"),
+        ("return bytearray(10**12)", "exceeds the limit of memory or time"),
     ],
     ids=lambda value: value[:30],
 )
@@ -114,7 +114,7 @@ def test_what_a_reader_may_do_later(reader: Readers, body: str, words: str):
 def test_too_much_at_once(reader: Readers):
     """Assert that an answer of more bytes than a limit is not read, nor a file that is larger."""
     source = "def read(path):\n    return pl.concat([table()] * 10_000)"
-    assert "more memory or time than it may have" in refused(table_of_file, reader(source), None)
+    assert "exceeds the limit of memory or time" in refused(table_of_file, reader(source), None)
     path = reader("")
     with path.open("wb") as file:
         file.truncate(2_000_000)

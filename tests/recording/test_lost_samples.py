@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexid.recording.outliers import _usual, counted_anew, counted_on, lost_samples
+from flexid.recording.outliers import _local_inflation, all_times, even_times, lost_samples
 
 STEP = 0.01
 
@@ -66,7 +66,7 @@ def test_an_error_that_is_usual_nearby_shows_less():
     """Assert that squares count by what they are nearby, where a chirp is at its fastest."""
     squares = np.random.default_rng(3).chisquare(2, 2400)
     squares[2000:] *= 4.0
-    found = _usual(squares, 2)
+    found = _local_inflation(squares, 2)
     assert found[:2000] == pytest.approx(np.ones(2000), rel=0.4)
     assert found[2000:] == pytest.approx(np.full(400, 4.0), rel=0.4)
     assert found.min() == 1.0  # a calm stretch shows no more
@@ -96,9 +96,9 @@ def coarse(rate: float, lost: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]
 def test_double_steps_of_a_coarse_clock_are_no_losses(lost: list[int]):
     """Assert that 97 samples per second are these, and samples lost beside are found as such."""
     time, positions = coarse(97.0, np.array(lost, dtype=int))
-    counted = counted_anew(time, positions)
+    counted = even_times(time, positions)
     assert counted is not None
-    found = counted_on(counted, lost_samples(positions, counted), is_span=True)
+    found = all_times(counted, lost_samples(positions, counted), is_span=True)
     assert 2998 <= len(found) <= 3000
     assert 1.0 / np.diff(found).mean() == pytest.approx(97.0, rel=1e-3)
 
@@ -106,9 +106,9 @@ def test_double_steps_of_a_coarse_clock_are_no_losses(lost: list[int]):
 def test_losses_that_recur_evenly_are_no_coarse_clock():
     """Assert that the positions decide where a clock alone could be either."""
     time, positions = coarse(100.0, np.arange(20, 3000, 32))
-    assert counted_anew(time, positions) is None
+    assert even_times(time, positions) is None
     still = [0.0 * values for values in positions]
-    assert counted_anew(time, still) is not None
+    assert even_times(time, still) is not None
 
 
 def test_a_clock_that_jumps_is_counted_on_the_evidence_of_the_positions():
@@ -116,6 +116,6 @@ def test_a_clock_that_jumps_is_counted_on_the_evidence_of_the_positions():
     time = STEP * np.arange(3000, dtype=np.float64)
     for place in np.random.default_rng(5).choice(np.arange(20, 2980), 40, replace=False):
         time[place:] += STEP
-    counted = counted_anew(time, [*motion(1e-5)])
+    counted = even_times(time, [*motion(1e-5)])
     assert counted is not None
     np.testing.assert_allclose(np.diff(counted), np.diff(counted)[0], rtol=1e-9)

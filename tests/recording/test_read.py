@@ -130,7 +130,7 @@ def test_late_stamps_of_even_samples_move_none(kind: str, steps: float) -> None:
     (recording,) = log.recordings
     np.testing.assert_array_equal(recording.link_position, columns["link_position"])
     assert recording.sample_time == pytest.approx(0.005, rel=1e-4)
-    assert_words("at even times the positions are smoother, so these were taken", log.warnings[0])
+    assert_words("the positions are smoother at even times, so these were taken", log.warnings[0])
 
 
 def test_samples_lost_at_random_are_interpolated() -> None:

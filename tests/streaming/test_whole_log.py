@@ -189,7 +189,7 @@ def test_what_cannot_be_streamed(write: Write, tmp_path: Path):
     (tmp_path / "cut.parquet").write_bytes(raw[:-1000])
     (tmp_path / "log.csv").write_text("time\n")
     for name, words in (
-        ("log.parquet", "cannot be read on from there"),
+        ("log.parquet", "cannot be read further"),
         ("cut.parquet", "not a Parquet file that can be read"),
         ("log.csv", "only a Parquet file can be streamed"),
         ("none.parquet", "there is no such file"),

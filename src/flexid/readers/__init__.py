@@ -1,4 +1,4 @@
-"""Files that other programs write, read by their libraries: one function a format, each in a child.
+"""Readers of files of other programs: one function per format, run in a child process.
 
-`formats` registers them, `guard` starts the child and checks what comes back, `child` runs there.
+`formats` registers the readers, `guard` starts the child process, `child` is the code in it.
 """

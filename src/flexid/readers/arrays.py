@@ -1,4 +1,4 @@
-"""Arrays of a file as signals: vectors, and columns of matrices; NumPy's files, which are such."""
+"""Arrays of a file as signals (vectors and columns of matrices), and the reader of NumPy files."""
 
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
@@ -13,14 +13,14 @@ Selection: TypeAlias = tuple[int | slice, ...]
 Values: TypeAlias = Callable[[Selection], NDArray[np.generic]]
 
 _ALL = slice(None)
-_SIGNALS = "iufmM"  # kinds of numbers, dates and durations
+_SIGNALS = "iufmM"  # kinds of NumPy: integers, floating-point numbers, durations and dates
 _WORDS = {"U": "text", "S": "text", "O": "text or objects", "b": "logical"}
 
 
 class Arrays:
-    """What was found in a file of arrays.
+    """Signals found in a file of arrays.
 
-    Indices stand in ``()`` where the format counts from 1, as MATLAB does, and else in ``[]``.
+    Indices are in ``()`` if the format counts from 1, as MATLAB, and in ``[]`` otherwise.
     """
 
     def __init__(self, brackets: str) -> None:
@@ -30,7 +30,7 @@ class Arrays:
         self._first = int(brackets == "()")
 
     def index(self, position: int | str) -> str:
-        """An index in a path, from its position from 0, or as it is."""
+        """Return a bracketed index for a path, from a position that counts from 0, or a text."""
         index = position if isinstance(position, str) else position + self._first
         return f"{self._brackets[0]}{index}{self._brackets[1]}"
 
@@ -42,11 +42,11 @@ class Arrays:
         values: Values,
         unit: str = "",
     ) -> None:
-        """Add an array, of which `values` reads a selection; what is no signal is only listed."""
+        """Add an array, which `values` reads in parts; list it in `others` if it is no signal."""
         *across, along = sorted(
             (axis for axis, size in enumerate(shape) if size != 1),
             key=lambda axis: (shape[axis], -axis),
-        ) or [-1]  # of a matrix the longer side is time
+        ) or [-1]  # the longer side of a matrix is time
         wide = shape[across[0]] if across else 1
         if (
             dtype.kind not in _SIGNALS
@@ -70,7 +70,7 @@ class Arrays:
             self._found[name] = series, values, tuple(where)
 
     def contents(self) -> Contents:
-        """All of it."""
+        """Return all signals."""
         return Contents([series for series, *_ in self._found.values()], self._read, self.others)
 
     def _read(self, paths: Collection[str], size: int) -> Iterator[Frame]:
@@ -86,20 +86,20 @@ class Arrays:
 
 
 def known_times(values: NDArray[np.generic]) -> NDArray[np.generic]:
-    """An array whose dates and durations, if it holds any, are whole nanoseconds."""
+    """Return an array with dates and durations, if any, in whole nanoseconds."""
     kind = values.dtype.kind
     return values.astype(f"{kind}8[ns]") if kind in "mM" else values
 
 
 def read(path: Path) -> Contents:
-    """The signals of an .npz or .npy file: vectors, columns of matrices, fields of records."""
+    """Return the signals of a NumPy file: vectors, columns of matrices, fields of records."""
     loaded = np.load(path, allow_pickle=False)
     is_one = not isinstance(loaded, np.lib.npyio.NpzFile)
     found = Arrays("[]")
     for name in [path.stem] if is_one else loaded.files:
         try:
             array = loaded if is_one else loaded[name]
-        except ValueError:  # they could hold any program
+        except ValueError:  # pickled objects, which could run any code
             found.others[name] = "objects, which are not read"
             continue
         for field in array.dtype.names or ("",):

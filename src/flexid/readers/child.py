@@ -1,6 +1,6 @@
-"""What runs in the child process: one reader, within limits, and what it says on a pipe.
+"""Code that runs in the child process: one reader within limits, which answers on a pipe.
 
-Each message is a line of JSON. A frame's says how many bytes of an Arrow stream follow it.
+Each message is a line of JSON. For a frame it gives the size of the Arrow stream that follows it.
 """
 
 import io
@@ -20,11 +20,11 @@ _pipe: BinaryIO | None = None
 
 
 def main() -> None:
-    """Read the file that the command line names: say what it holds, then what is asked for."""
+    """Open the file named on the command line: send its contents, then the requested frames."""
     global _pipe
     module, path, memory, seconds = sys.argv[1:]
     _pipe = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what a library prints is no answer
+    os.dup2(2, 1)  # keeps prints of a library out of the answers
     with suppress(ImportError):  # Windows has none
         import resource
 
@@ -32,17 +32,17 @@ def main() -> None:
         resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 1))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     warnings.simplefilter("ignore")
-    say(lambda: _held(contents_of(module, Path(path))), sys.stdin.buffer)
+    say(lambda: _send_contents(contents_of(module, Path(path))), sys.stdin.buffer)
 
 
 def contents_of(module: str, path: Path) -> Contents:
-    """What a file holds, by the reader of a module."""
+    """Return the contents of a file, by the reader of a module."""
     found = import_module(module).read(path)
     return found if isinstance(found, Contents) else of_frame(found)
 
 
 def say(hold: Any, questions: Iterable[bytes]) -> None:
-    """Answer with what a file holds, and each question with the frames that it asks for."""
+    """Send the contents of a file, and for each request its frames; send errors as messages."""
     try:
         contents = hold()
         for line in questions:
@@ -57,15 +57,14 @@ def say(hold: Any, questions: Iterable[bytes]) -> None:
     except MemoryError:
         _write({"memory": True})
     except Exception as error:
-        # Libraries are written for files that are whole: on others they raise what their parsers
-        # come across.
+        # On damaged files, libraries raise any error of their parsers.
         _write({"unreadable": f"{type(error).__name__}: {error}"[:1000]})
 
 
-def _held(contents: Contents) -> Contents:
-    """Say what a file holds."""
+def _send_contents(contents: Contents) -> Contents:
+    """Send and return the contents of a file."""
     for one in contents.series:
-        one.path.encode()  # a name that is no text raises here
+        one.path.encode()  # raises for a name that is not valid text
     _write(
         {
             "series": contents.series,

@@ -1,4 +1,4 @@
-"""Formats of other programs that flexid reads, the words for them, and what a reader returns."""
+"""Formats of other programs that flexid reads, and the types that their readers return."""
 
 from __future__ import annotations
 
@@ -14,38 +14,38 @@ if TYPE_CHECKING:
 Frame: TypeAlias = "tuple[str, Mapping[str, Any] | polars.DataFrame]"
 Read: TypeAlias = Callable[[Collection[str], int], Iterator[Frame]]
 
-STAMPS = ""  # the column of a frame that holds time stamps: seconds, or whole nanoseconds
-WIDEST = 64  # columns of a matrix that are signals each; one that has more is an image or a map
+STAMPS = ""  # name of the column of time stamps in a frame: seconds, or whole nanoseconds
+WIDEST = 64  # columns of a matrix of signals; a wider one is an image or a map
 
 
 class Series(NamedTuple):
     """A signal of a file."""
 
-    path: str  # where it stands, as a column map names it
-    kind: str  # type of its values, for a list of what the file holds
+    path: str  # its place in the file, and its name in a column map
+    kind: str  # type of its values, for messages
     length: int
     unit: str = ""  # as the file states it
-    clock: str = ""  # whose stamps are those of the values; empty where the time is a signal
+    clock: str = ""  # name of the clock of its time stamps; empty if the time is a signal
 
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """What a file holds.
+    """Contents of a file.
 
-    `read` is called with the paths of some signals and a number of values. It yields frames of
-    about so many, each with the name of its clock: values by path, and where there are clocks the
-    time stamps under `STAMPS`.
+    `read` is called with the paths of signals and a number of values. It yields frames of about
+    that many values, each with the name of its clock. A frame has values by path and, if there are
+    clocks, time stamps under `STAMPS`.
     """
 
     series: list[Series]
     read: Read
-    others: Mapping[str, str] = field(default_factory=dict)  # what is no signal, and why
-    notes: Mapping[str, str] = field(default_factory=dict)  # what to say of a clock that is used
+    others: Mapping[str, str] = field(default_factory=dict)  # reason by path of what is no signal
+    notes: Mapping[str, str] = field(default_factory=dict)  # warning by clock, if it is used
     is_table: bool = False  # whether the signals are the columns of one table
 
 
 class RefusedError(Exception):
-    """A file is refused: the place in it, empty for the whole, and the reason with the remedy."""
+    """A file is refused: the place in it (empty for all of it), and the reason with the remedy."""
 
     def __init__(self, place: str, reason: str) -> None:
         self.place, self.reason = place, reason
@@ -53,7 +53,7 @@ class RefusedError(Exception):
 
 
 def of_frame(frame: polars.DataFrame | polars.LazyFrame) -> Contents:
-    """A frame, which may be read only when it is wanted, as what a file holds."""
+    """Return a frame, which may be lazy, as the contents of a file."""
     import polars as pl
 
     lazy = frame.lazy()
@@ -69,14 +69,14 @@ def of_frame(frame: polars.DataFrame | polars.LazyFrame) -> Contents:
 
 
 class Format(NamedTuple):
-    """A format that a library reads."""
+    """A file format that a library reads."""
 
-    name: str  # in a list of formats
-    what: str  # one such file, with its article
-    suffixes: tuple[str, ...]  # ends of the files' names
-    module: str  # whose function `read` reads them
-    magic: tuple[bytes, ...] = ()  # how the files begin
-    extra: str = ""  # of flexid, which installs the library
+    name: str  # for a list of formats
+    what: str  # a file of the format, with its article
+    suffixes: tuple[str, ...]  # of the names of files
+    module: str  # with the function `read`
+    magic: tuple[bytes, ...] = ()  # first bytes of the files
+    extra: str = ""  # extra of flexid that installs the library
     in_folder: bool = False  # whether a folder of such files is one log
 
 
@@ -95,11 +95,11 @@ FORMATS = [
     Format("ROS 2 bag", "a ROS 2 bag", (".db3",), f"{_HERE}.ros", (b"SQLite form",), "ros", True),
 ]
 TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".log")
-"""Usual ends of the names of text files, which are read without a library."""
+"""Common suffixes of text files, which are read without a library."""
 
 
 def format_of(path: Path) -> Format | None:
-    """The format of a file, or of the first log in a folder; None for text.
+    """Return the format of a file, or of the first log in a folder; None for text.
 
     >>> from pathlib import Path
     >>> format_of(Path("run.H5")).name, format_of(Path("run.csv"))
@@ -111,7 +111,7 @@ def format_of(path: Path) -> Format | None:
 
 
 def files_of(path: Path) -> list[Path]:
-    """The files of a log: itself, or those of one format in a folder."""
+    """Return the files of a log: the file itself, or those of one format in a folder."""
     if not os.path.isdir(path):
         return [path]
     inside = sorted(path.iterdir())
@@ -123,18 +123,18 @@ def files_of(path: Path) -> list[Path]:
 
 
 def suffixes() -> tuple[str, ...]:
-    """Ends of the names of all files that are read, text first."""
+    """Return the suffixes of all files that are read, text first."""
     return (*TEXT_SUFFIXES, *(suffix for one in FORMATS for suffix in one.suffixes))
 
 
 def kinds() -> str:
-    """All formats as a list for a sentence."""
+    """Return the names of all formats as a list for a sentence."""
     names = ["CSV", *(one.name for one in FORMATS)]
     return f"{', '.join(names[:-1])} or {names[-1]}"
 
 
 def looks_like(raw: bytes) -> Format | None:
-    """The format whose files begin as some bytes do."""
+    """Return the format of a file by its first bytes, or None."""
     return next((one for one in FORMATS if raw.startswith(one.magic or (b"\0" * 99,))), None)
 
 

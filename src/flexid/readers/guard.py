@@ -1,7 +1,7 @@
-"""A file of another program, opened in a child process: its signals, or one sentence.
+"""Reading of files of other programs in a child process, with limits of memory and time.
 
-Libraries that read such files end their process for some damaged ones, fill all memory, or never
-return. The child has limits of memory and of time.
+For some damaged files the libraries crash, use all memory, or never return. The parent then raises
+an error with one sentence.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ PROGRAM = "from flexid.readers.child import main; main()"
 
 
 class Limits(NamedTuple):
-    """What a child may use. A large file gives it more time, as the slowest reader needs."""
+    """Limits of a child process. Times grow with the file, as the slowest reader requires."""
 
     memory: int = 4_000_000_000  # bytes
     silence: float = 15.0  # s without an answer, and 1 s for each 100 kB of the file
     processor: float = 15.0  # s, and 1 s for each 500 kB of the file
-    message: int = 1_000_000_000  # bytes that are handed back at once
+    message: int = 1_000_000_000  # bytes of one answer
     file: int = 10_000_000_000  # bytes
 
 
@@ -62,7 +62,7 @@ class Reading:
             )
         self._silence = LIMITS.silence + size / 100e3
         self._is_late = False
-        self._process = _started(
+        self._process = _start_child(
             found.module, str(path), LIMITS.memory, round(LIMITS.processor + size / 500e3)
         )
         try:
@@ -77,7 +77,7 @@ class Reading:
             raise
 
     def frames(self, paths: Collection[str], size: int) -> Iterator[tuple[str, polars.DataFrame]]:
-        """Values of some signals, about so many at a time, each frame with its clock."""
+        """Yield frames of about `size` values of signals, each with the name of its clock."""
         import polars as pl
 
         rows: dict[str, int] = {}
@@ -85,14 +85,14 @@ class Reading:
         fewest = min(of_one_clock, default=0)
         asked = json.dumps({"paths": list(paths), "size": size}).encode() + b"\n"
         assert self._process.stdin is not None
-        with suppress(OSError):  # of a process that has ended there is no answer
+        with suppress(OSError):  # if the process has ended, `_next` raises
             self._process.stdin.write(asked)
             self._process.stdin.flush()
         while True:
             done = max(rows.values(), default=0)
             answer, data = self._next(done)
-            if "end" in answer and done < fewest:  # some libraries skip what is damaged
-                raise self._reason({}, done)
+            if "end" in answer and done < fewest:  # some libraries skip damaged parts
+                raise self._error({}, done)
             if "end" in answer:
                 return
             frame = pl.read_ipc_stream(io.BytesIO(data))
@@ -100,7 +100,7 @@ class Reading:
             yield answer["clock"], frame
 
     def close(self) -> None:
-        """End the process."""
+        """End the child process."""
         self._process.kill()
         self._process.communicate()
 
@@ -111,31 +111,31 @@ class Reading:
         self.close()
 
     def _next(self, rows: int | None = None) -> tuple[dict[str, Any], bytes]:
-        """The child's next message, of values after so many rows; raise what it does wrong."""
+        """Next message of the child, after `rows` rows of values; raise if it fails."""
         out: Any = self._process.stdout
         data = b""
-        timer = threading.Timer(self._silence, self._give_up)
+        timer = threading.Timer(self._silence, self._stop_late_child)
         timer.start()
         try:
             answer: dict[str, Any] = json.loads(out.readline(LIMITS.message))
             size = answer.get("bytes", 0)
             if size <= LIMITS.message:
                 data = out.read(size)
-        except ValueError:  # of a process that has ended there is none, or a part
+        except ValueError:  # the process has ended, and the message is missing or incomplete
             answer = {"unreadable": ""}
         finally:
             timer.cancel()
         if answer.keys() & {"series", "end"} or len(data) == answer.get("bytes", -1):
             return answer, data
         self.close()
-        raise self._reason(answer, rows)
+        raise self._error(answer, rows)
 
-    def _give_up(self) -> None:
+    def _stop_late_child(self) -> None:
         self._is_late = True
         self._process.kill()
 
-    def _reason(self, answer: dict[str, Any], rows: int | None) -> RecordingError:
-        """What is wrong, by what the child said last, or how it ended."""
+    def _error(self, answer: dict[str, Any], rows: int | None) -> RecordingError:
+        """Error from the last answer of the child, or from the way in which it ended."""
         if "refused" in answer:
             return RecordingError(self.file, *answer["refused"])
         if "missing" in answer and self.format.extra:
@@ -146,11 +146,10 @@ class Reading:
         is_large = "memory" in answer or answer.get("bytes", 0) > LIMITS.message
         if is_large or self._is_late or self._process.returncode == _OUT_OF_TIME:
             return self._refusal(
-                "reading it takes more memory or time than it may have: export it again, or a part "
-                "of it"
+                "reading it exceeds the limit of memory or time: export it again, or a part of it"
             )
         if rows is not None:
-            reason = "the file cannot be read on from there: export or copy it again"
+            reason = "the file cannot be read further: export or copy it again"
             return RecordingError(self.file, f"row {rows + 1} or after", reason)
         return self._refusal(
             f"this is not {self.format.what} that can be read: export or copy it "
@@ -158,7 +157,7 @@ class Reading:
         )
 
     def _digest(self, files: list[Path]) -> str:
-        """Of the file's bytes; of several, that of their digests."""
+        """SHA-256 digest of a file; of several files, the digest of their digests."""
         try:
             digests = [sha256(one) for one in files]
         except OSError as error:
@@ -173,8 +172,8 @@ class Reading:
         return RecordingError(self.file, "", reason)
 
 
-def _started(*arguments: object) -> subprocess.Popen[bytes]:
-    """A child with a fresh interpreter, which finds no module in the folder of the log."""
+def _start_child(*arguments: object) -> subprocess.Popen[bytes]:
+    """Start a child with a new interpreter, which cannot import modules from the log's folder."""
     paths = os.pathsep.join(entry for entry in sys.path if entry)
     few = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "POLARS_MAX_THREADS": "4"}
     return subprocess.Popen(

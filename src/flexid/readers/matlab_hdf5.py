@@ -1,4 +1,4 @@
-"""HDF5 files, by h5py, and MATLAB's, by SciPy; those of version 7.3 are HDF5."""
+"""Reader of HDF5 and MATLAB 7.3 files by h5py, and of older MATLAB files by SciPy."""
 
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,9 @@ _OBJECTS = ("MatlabOpaque", "MatlabFunction", "MatlabObject")
 
 
 def read(path: Path) -> Contents:
-    """The signals of a file: vectors, columns of matrices, fields of tables and of structs.
+    """Return the signals of a file: vectors, columns of matrices, fields of tables and structs.
 
-    In HDF5 a dataset's unit is its attribute ``units`` or ``unit``. Links to other files are not
+    The unit of an HDF5 dataset is its attribute ``units`` or ``unit``. Links to other files are not
     followed.
     """
     with path.open("rb") as opened:
@@ -44,7 +44,7 @@ def _add_hdf5(found: Arrays, path: Path, *, is_matlab: bool) -> None:
         if not isinstance(one, h5py.Dataset) or (is_matlab and name.startswith(_MATLABS_OWN)):
             return
         if one.is_virtual or one.external:
-            found.others[name] = "its values stand in another file, which is not read"
+            found.others[name] = "its values are in another file, which is not read"
         else:
             (_add_matlab if is_matlab else _add)(found, name, file[one.name])
 
@@ -53,7 +53,7 @@ def _add_hdf5(found: Arrays, path: Path, *, is_matlab: bool) -> None:
 
 
 def _add(found: Arrays, name: str, dataset: Any) -> None:
-    """A dataset, or the fields of a table."""
+    """Add a dataset, or the fields of a table."""
     if dataset.dtype.names is None:
         unit = _text(dataset.attrs.get("units") or dataset.attrs.get("unit")).strip()
         values = dataset.__getitem__
@@ -70,7 +70,7 @@ def _text(value: Any) -> str:
 
 
 def _add_matlab(found: Arrays, name: str, dataset: Any) -> None:
-    """A variable of MATLAB, of which HDF5 has the dimensions in the opposite order."""
+    """Add a MATLAB variable; HDF5 stores its dimensions in reverse order."""
     kind = _text(dataset.attrs.get("MATLAB_class"))
     if kind not in _PLAIN or dataset.shape is None:
         found.others[name] = f"{kind or 'an object'}: save its values as arrays"
@@ -79,12 +79,12 @@ def _add_matlab(found: Arrays, name: str, dataset: Any) -> None:
 
 
 def _add_variable(found: Arrays, path: str, value: Any) -> None:
-    """Add a variable of an older version, or a field of a struct."""
+    """Add a variable of an older MATLAB version, or a field of a struct."""
     array = np.asarray(value)
     names = array.dtype.names
     if type(value).__name__ in _OBJECTS:
         found.others[path] = "an object: save its Time and Data as arrays"
-    elif array.dtype.kind == "U" and array.size == 1:  # as Simulink labels a signal
+    elif array.dtype.kind == "U" and array.size == 1:  # such as a signal label of Simulink
         found.others[path] = f"text {array.item()[:60]!r}"
     elif names is None and array.dtype != object:
         found.add(path, array.shape, array.dtype, array.__getitem__)

@@ -1,4 +1,4 @@
-"""MDF files of measurement and calibration tools, versions 2 to 4, by asammdf."""
+"""Reader of MDF files of measurement and calibration tools, versions 2 to 4, by asammdf."""
 
 from collections import Counter
 from collections.abc import Collection, Iterator
@@ -9,15 +9,15 @@ import numpy as np
 
 from flexid.readers.formats import STAMPS, Contents, Frame, RefusedError, Series
 
-_TIME_MASTER = (0, 1)  # sync types: none stated, as in version 3, and time
+_TIME_MASTER = (0, 1)  # sync types: unspecified, as in version 3, and time
 _NUMBERS = range(6)  # data types of version 4: integers and floating point, of either byte order
-_NUMBERS_3 = (*range(7), *range(9, 17))  # of version 3
-_TEXT_CONVERSION = 7  # and those above it make texts of numbers, or numbers of texts
+_NUMBERS_3 = (*range(7), *range(9, 17))  # the same of version 3
+_TEXT_CONVERSION = 7  # this and higher types convert numbers to text, or text to numbers
 _TEXT_CONVERSION_3 = (10, 11, 12)
 
 
 def read(path: Path) -> Contents:
-    """The signals of an MDF file, each on the clock of its group."""
+    """Return the signals of an MDF file, each with the clock of its group."""
     from asammdf import MDF
 
     file: Any = MDF(path)
@@ -38,7 +38,7 @@ def read(path: Path) -> Contents:
         places[path_of], groups[clock] = (group, index), group
 
     def frames(paths: Collection[str], size: int) -> Iterator[Frame]:
-        """Records of one group after the other, so many at a time."""
+        """Yield records of one group after the other, `size` at a time."""
         chosen = [one for one in series if one.path in paths]
         for clock, length in {one.clock: one.length for one in chosen}.items():
             for first in range(0, length, size):
@@ -53,7 +53,7 @@ def read(path: Path) -> Contents:
 
 
 def _channels(file: Any, others: dict[str, str]) -> Iterator[tuple[int, int, str]]:
-    """Group, index and name of every channel that is a signal."""
+    """Yield group, index and name of every channel that is a signal; note the others."""
     for number, group in enumerate(file.groups):
         master = file.masters_db.get(number)
         timed = master is not None and (
@@ -82,9 +82,9 @@ def _is_number(file: Any, group: Any, index: int) -> bool:
 
 
 def _samples(file: Any, group: int, index: int, part: dict[str, int]) -> np.ndarray:
-    """Values of some records; those that are marked as invalid are refused."""
+    """Values of some records; raise if any is marked as invalid."""
     signal = file.get(group=group, index=index, ignore_invalidation_bits=False, **part)
-    lost = part["record_count"] - len(signal.samples)  # those that are marked are left out
+    lost = part["record_count"] - len(signal.samples)  # asammdf omits samples that are marked
     if lost:
         first = part["record_offset"]
         where = f", from {first + 1} on," if first else ""

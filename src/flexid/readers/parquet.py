@@ -1,4 +1,4 @@
-"""Parquet files, by Polars."""
+"""Reader of Parquet files, by Polars."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def read(path: Path) -> polars.LazyFrame:
-    """The table of a Parquet file, of which only what is wanted is read."""
+    """Return the table of a Parquet file, of which only the selected columns are read."""
     import polars as pl
 
     return pl.scan_parquet(path, glob=False)

@@ -1,6 +1,6 @@
-"""ROS bags and MCAP files: the numbers in their messages as signals named ``topic.field``.
+"""Reader of ROS bags and MCAP files: numbers in messages become signals ``topic.field``.
 
-MCAP files are taken apart by mcap, bags by rosbags, which decodes ROS's messages of both.
+MCAP files are opened by mcap, bags by rosbags. ROS messages of both are decoded by rosbags.
 """
 
 import json
@@ -17,32 +17,32 @@ from flexid.readers.formats import STAMPS, WIDEST, Contents, Frame, RefusedError
 
 _LARGEST_RECORD = 1_000_000_000  # bytes
 _LONGEST_DEFINITION = 200_000  # characters
-_LOOKED_AT = 50  # messages of each topic, from which its fields are known
+_SCANNED = 50  # messages of each topic that are searched for fields
 _TYPE_NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*){1,3}")
-_JOINT_STATE = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # with ROS's units
+_JOINT_STATE = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # with units of ROS
 
 
 class Topic(NamedTuple):
-    """A topic and how its messages are written."""
+    """A topic and the encoding of its messages."""
 
     name: str
-    kind: str  # name of the messages' type
-    encoding: str  # cdr, ros1 or json; of others the messages are not read
-    definition: str  # of the type; empty where the file has none
+    kind: str  # name of the message type
+    encoding: str  # cdr, ros1 or json; messages in others are not read
+    definition: str  # of the type; empty if the file has none
     language: str  # of the definition: ros1msg, ros2msg or ros2idl
 
 
 class _Signal(NamedTuple):
-    """A number in the messages of a topic."""
+    """A signal: a number in the messages of a topic."""
 
     unit: str
     clock: str
-    joint: str  # of which it is, by its name in each message; empty for no joint
+    joint: str  # name of its joint in a `JointState`; else empty
 
 
 @dataclass
-class _Found:
-    """What is known of a topic."""
+class _TopicContents:
+    """Scanned contents of a topic."""
 
     decode: Callable[[bytes], Any] | None
     count: int = 0
@@ -51,16 +51,16 @@ class _Found:
 
 
 def read(path: Path) -> Contents:
-    """The signals of an MCAP file, a ROS 1 bag, or a ROS 2 bag, which may be a folder.
+    """Return the signals of an MCAP file, a ROS 1 bag, or a ROS 2 bag, which may be a folder.
 
-    A `sensor_msgs/JointState` has its joints by name: ``/joint_states.position.elbow``. Each topic
-    has a clock of its own: the stamps in the headers of its messages, or where they have none, the
-    times at which they were logged.
+    The signals of a `sensor_msgs/JointState` are named by joint: ``/joint_states.position.elbow``.
+    Each topic has its own clock: the stamps in the headers of its messages, or, without headers,
+    the times at which they were logged.
     """
     files = files_of(path)
-    topics: dict[str, _Found] = {}
+    topics: dict[str, _TopicContents] = {}
     others: dict[str, str] = {}
-    _look_at(files, topics, others)
+    _scan(files, topics, others)
     series, notes = [], {}
     for topic in topics.values():
         for name, signal in topic.signals.items():
@@ -78,7 +78,7 @@ def read(path: Path) -> Contents:
 
 
 def decoder(topic: Topic) -> tuple[Callable[[bytes], Any] | None, str]:
-    """What decodes the messages of a topic, or None, and why there is nothing."""
+    """Return the decoder of a topic's messages, or None and the reason."""
     if topic.encoding == "json":
         return json.loads, ""
     if topic.encoding not in ("cdr", "ros1"):
@@ -90,7 +90,7 @@ def decoder(topic: Topic) -> tuple[Callable[[bytes], Any] | None, str]:
     kind = normalize_msgtype(topic.kind)
     try:
         store = _store(topic, kind)
-    except Exception:  # whatever rosbags makes of a definition that is none
+    except Exception:  # rosbags raises various errors for a bad definition
         return None, "messages of a type whose definition cannot be read"
     if kind not in store.types:
         return None, f"messages of type {topic.kind[:80]!r}, of which the file has no definition"
@@ -99,7 +99,7 @@ def decoder(topic: Topic) -> tuple[Callable[[bytes], Any] | None, str]:
 
 
 def _store(topic: Topic, kind: str) -> Any:
-    """The types that a topic's messages are made of."""
+    """Store of the message types of a topic."""
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
     if not topic.definition:
@@ -108,7 +108,7 @@ def _store(topic: Topic, kind: str) -> Any:
         types = get_types_from_idl(topic.definition)
     else:
         types = get_types_from_msg(topic.definition, kind)
-    # rosbags makes Python code of them, in which their names stand.
+    # rosbags generates Python code with the names of the types, so these must be harmless.
     if not all(map(_TYPE_NAME.fullmatch, types)):
         raise ValueError("a type's name is no name")
     store = get_typestore(Stores.EMPTY)
@@ -119,7 +119,7 @@ def _store(topic: Topic, kind: str) -> Any:
 def _messages(
     files: list[Path], topics: set[str] | None = None
 ) -> Iterator[tuple[Topic, int, bytes]]:
-    """Messages of some topics, or of all, each with the time in ns at which it was logged."""
+    """Yield messages of some topics, or of all, with the times of logging in ns."""
     for path in files:
         with path.open("rb") as opened:
             is_mcap = opened.read(5) == b"\x89MCAP"
@@ -159,24 +159,24 @@ def _of_bag(path: Path, topics: set[str] | None) -> Iterator[tuple[Topic, int, b
         known = {}
         for one in wanted:
             is_idl = one.msgdef.format == MessageDefinitionFormat.IDL
-            spoken = "ros2idl" if is_idl else language
-            known[one.id] = Topic(one.topic, one.msgtype, encoding, one.msgdef.data, spoken)
+            syntax = "ros2idl" if is_idl else language
+            known[one.id] = Topic(one.topic, one.msgtype, encoding, one.msgdef.data, syntax)
         if wanted:
             for connection, time, raw in reader.messages(connections=wanted):
                 yield known[connection.id], time, bytes(raw)
 
 
-def _look_at(files: list[Path], topics: dict[str, _Found], others: dict[str, str]) -> None:
-    """Note topics and their fields, from their first messages, and what is no signal in them."""
+def _scan(files: list[Path], topics: dict[str, _TopicContents], others: dict[str, str]) -> None:
+    """Collect topics, their fields from their first messages, and fields that are no signals."""
     for topic, _, raw in _messages(files):
         known = topics.get(topic.name)
         if known is None:
             decode, why = decoder(topic)
-            known = topics[topic.name] = _Found(decode)
+            known = topics[topic.name] = _TopicContents(decode)
             if decode is None:
                 others[topic.name] = why
         known.count += 1
-        if known.decode is None or known.count > _LOOKED_AT:
+        if known.decode is None or known.count > _SCANNED:
             continue
         message = known.decode(raw)
         if known.stamped is None:
@@ -192,9 +192,9 @@ def _look_at(files: list[Path], topics: dict[str, _Found], others: dict[str, str
 
 
 def _frames(
-    files: list[Path], topics: dict[str, _Found], paths: Collection[str], size: int
+    files: list[Path], topics: dict[str, _TopicContents], paths: Collection[str], size: int
 ) -> Iterator[Frame]:
-    """Values of chosen signals, of all clocks whenever one has so many."""
+    """Yield values of chosen signals, for all clocks each time one of them has `size`."""
     chosen = {
         topic: {path: signal for path, signal in known.signals.items() if path in paths}
         for topic, known in topics.items()
@@ -216,12 +216,12 @@ def _frames(
         for path, value in values.items():
             held[chosen[topic.name][path].clock][path].append(value)
         if any(len(columns[STAMPS]) >= size for columns in held.values()):
-            yield from _taken(held)
-    yield from _taken(held)
+            yield from _flush(held)
+    yield from _flush(held)
 
 
-def _taken(held: dict[str, dict[str, array]]) -> Iterator[Frame]:
-    """What is held of each clock, which is then held no more."""
+def _flush(held: dict[str, dict[str, array]]) -> Iterator[Frame]:
+    """Yield the collected values of each clock, and clear them."""
     for clock, columns in held.items():
         if columns[STAMPS]:
             yield clock, {path: np.array(values) for path, values in columns.items()}
@@ -230,7 +230,7 @@ def _taken(held: dict[str, dict[str, array]]) -> Iterator[Frame]:
 
 
 def _values(message: Any, topic: str, number: int, signals: dict[str, _Signal]) -> dict[str, float]:
-    """Values in a message, which lacks none but of joints that it is not about."""
+    """Values of the signals in a message; raise if one is missing, unless its joint is."""
     found = {topic + path: value for path, value, _ in _numbers(message)}
     values = {}
     for path, signal in signals.items():
@@ -245,12 +245,12 @@ def _values(message: Any, topic: str, number: int, signals: dict[str, _Signal]) 
 
 
 def _fields(message: Any) -> dict[str, Any]:
-    """What a message holds, by name; of anything else there is nothing."""
+    """Fields of a message by name; empty for anything else."""
     return message if isinstance(message, dict) else getattr(message, "__dict__", {})
 
 
 def _numbers(message: Any) -> Iterator[tuple[str, float | str, str]]:
-    """Where each number of a message stands, itself or why it is none, and the joint it is of."""
+    """Yield path, value (a text if it is no number) and joint of each field of a message."""
     fields = _fields(message)
     names = fields.get("name")
     if all(fields.get(key) is not None for key in _JOINT_STATE) and isinstance(names, list):
@@ -260,11 +260,11 @@ def _numbers(message: Any) -> Iterator[tuple[str, float | str, str]]:
         return
     for name, value in fields.items():
         if name not in ("header", "structure_needs_at_least_one_member"):
-            for path, number in _within(value):
+            for path, number in _nested_numbers(value):
                 yield f".{name}{path}", number, ""
 
 
-def _within(value: Any) -> Iterator[tuple[str, float | str]]:
+def _nested_numbers(value: Any) -> Iterator[tuple[str, float | str]]:
     if isinstance(value, bool | np.bool_) or value is None:
         return
     if isinstance(value, int | float | np.integer | np.floating):
@@ -277,12 +277,12 @@ def _within(value: Any) -> Iterator[tuple[str, float | str]]:
         is_list = isinstance(value, list | np.ndarray)
         inner = enumerate(value) if is_list else _fields(value).items()
         for name, one in inner:
-            for path, number in _within(one):
+            for path, number in _nested_numbers(one):
                 yield (f"[{name}]{path}" if is_list else f".{name}{path}"), number
 
 
 def _stamp_of(message: Any) -> int:
-    """Nanoseconds in a message's header; zero where it has none."""
+    """Time stamp in a message's header, in ns; zero if it has none."""
     stamp = _fields(_fields(_fields(message).get("header")).get("stamp"))
     seconds = stamp.get("sec")
     parts = (stamp.get(name) for name in ("nanosec", "nsec", "nsecs"))

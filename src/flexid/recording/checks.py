@@ -1,4 +1,4 @@
-"""Does a log make sense as that of a flexible joint? One small function per check."""
+"""Checks whether a log is plausible for a flexible joint, one small function each."""
 
 from collections.abc import Iterator, Mapping
 
@@ -9,22 +9,22 @@ from flexid.errors import RecordingError
 from flexid.recording.recording import ENCODERS, INPUTS, POSITIONS, VELOCITIES, Draft, Rank
 from flexid.recording.velocities import integral, is_noise, position_noise
 
-LARGEST_VALUE = 1e10  # in SI; a clock may count seconds since 1970
-FASTEST_JOINT = 100.0  # rad/s at the link side of the gear, about 1000 rpm; m/s, as no axis slides
-_MISREAD = {  # by unit: factor of the unit that is taken for it, the units, and how one is written
+LARGEST_VALUE = 1e10  # in SI units; seconds since 1970 must pass
+FASTEST_JOINT = 100.0  # rad/s at the link side of the gear, about 1000 rpm; m/s for a linear axis
+_MISREAD = {  # by SI unit: factor if another unit was read as SI, text for a message, that unit
     "rad": (180.0 / np.pi, "in degrees and the other in radians", "deg"),
     "m": (1e3, "in millimetres and the other in metres", "mm"),
 }
-MOST_POWER = 2e4  # W that the drive of a joint gives
+MOST_POWER = 2e4  # W, of the drive of a joint
 _LARGEST_INPUT = {"A": 500.0, "V": 2000.0}
-_FEWEST_LEVELS, _LEAST_LEVEL = 20, 50.0  # of whole numbers that are a drive's own unit
-_SMALLEST_MOTION = 1e-12  # of the largest value
-_MOST_STILL = 20.0  # times its noise, to which a motor may rest (noise alone: 9): its fit decides
-_MOST_WINDING = 0.2  # rad, of the spring of a joint whose motor stands still; else it is unplugged
-_COPIED = 0.01  # of the signal, up to which a copy differs: the derivative of a noisy position does
-_SAME = 0.02  # off 1, up to which a copy's factor is, in SI units or in the file's
-_FEWEST_READINGS = 50  # changes of a sensor, from which it is said how often it is read
-_EVENLY = 0.95  # of the times between its changes are multiples of one
+_FEWEST_LEVELS, _LEAST_LEVEL = 20, 50.0  # distinct values and largest value of raw whole numbers
+_SMALLEST_MOTION = 1e-12  # range over the largest value; a smaller one is rounding
+_MOST_STILL = 20.0  # range over noise of a motor at rest (noise alone gives 9)
+_MOST_WINDING = 0.2  # rad of deflection while the motor rests; beyond it an encoder is unplugged
+_COPIED = 0.01  # largest relative difference of a copy; the derivative of a noisy position has some
+_COPY_FACTOR = 0.02  # largest deviation of a copy's factor from 1, in SI units or those of the file
+_FEWEST_READINGS = 50  # changes of a sensor that are needed to estimate its reading rate
+_EVENLY = 0.95  # share of the intervals between changes that are multiples of one period
 _DEAD = {
     "deflection": "the link moves as if rigidly tied to the motor, or the sensor is dead",
     **dict.fromkeys(ENCODERS, "the encoder is stuck or not connected"),
@@ -34,7 +34,7 @@ _DEAD_INPUT = "nothing drives the motor"
 
 
 def check_magnitude(log: Draft) -> None:
-    """Raise if a channel, or the time, holds absurdly large values."""
+    """Raise if a channel, or the time, has values above `LARGEST_VALUE`."""
     for name, channel in log.channels.items():
         sizes = np.abs(channel.values)
         if np.any(sizes > LARGEST_VALUE):
@@ -43,7 +43,7 @@ def check_magnitude(log: Draft) -> None:
 
 
 def drop_dead_inputs(log: Draft) -> None:
-    """Leave out an input that is constant where two sides move: the link's motion is known."""
+    """Remove a constant input where two positions were logged: the link alone can be identified."""
     if len(log.those_of(POSITIONS)) < 2:
         return
     for name in log.those_of(INPUTS):
@@ -60,13 +60,13 @@ def drop_dead_inputs(log: Draft) -> None:
 def check_varies(log: Draft, name: str) -> None:
     """Raise if a channel is constant over the whole log."""
     if _is_constant(log[name], log[name]):
-        raise _dead(log, name, "constant")
+        raise _constant_error(log, name, "constant")
 
 
 def check_moves(log: Draft, name: str) -> None:
-    """Raise if a position is white noise about a constant."""
+    """Raise if a position is constant except for white noise."""
     if is_noise(log[name]):
-        raise _dead(
+        raise _constant_error(
             log,
             name,
             f"constant but for noise of {np.std(log[name]):.2g} {log.channels[name].unit}",
@@ -74,18 +74,18 @@ def check_moves(log: Draft, name: str) -> None:
 
 
 def is_resting(log: Draft) -> bool:
-    """Whether a motor stands still, as behind a brake, while its link winds the spring at most."""
+    """Whether a motor rests, as behind a brake, while the link moves by a deflection at most."""
     motor, link = log["motor_position"], log.those_of(("link_position", "deflection"))[0]
     still = np.ptp(motor) <= _MOST_STILL * position_noise(motor)
     return bool(still and np.ptp(log[link]) <= _MOST_WINDING)
 
 
 def _is_constant(values: FloatArray, about: FloatArray) -> bool:
-    """Whether a signal is constant but for the rounding of another one."""
+    """Whether a signal is constant up to the rounding error of the signal `about`."""
     return bool(np.ptp(values) <= _SMALLEST_MOTION * np.abs(about).max())
 
 
-def _dead(log: Draft, name: str, what: str) -> RecordingError:
+def _constant_error(log: Draft, name: str, what: str) -> RecordingError:
     why = _DEAD.get(name, _DEAD_INPUT)
     reason = f"{name} is {what} and carries no information ({why}): record it while it moves"
     if name in ENCODERS:
@@ -100,7 +100,7 @@ def check_copy(log: Draft, name: str) -> None:
     for other in log.names:
         if other in INPUTS:
             continue
-        # The file's units, in which it was copied.
+        # The copy may have been made in the units of the file.
         units = log.channels[name].origin.factor / log.channels[other].origin.factor
         moved = log[other] - log[other].mean()
         for copied, what in ((values, other), (total, f"the derivative of {other}")):
@@ -108,7 +108,7 @@ def check_copy(log: Draft, name: str) -> None:
             solution = np.linalg.lstsq(matrix, moved, rcond=None)[0]
             off = float(np.std(moved - matrix @ solution))
             explained = abs(float(solution[0])) * float(np.std(copied))
-            is_same = min(abs(solution[0] - 1.0), abs(solution[0] * units - 1.0)) < _SAME
+            is_same = min(abs(solution[0] - 1.0), abs(solution[0] * units - 1.0)) < _COPY_FACTOR
             if off < _COPIED * explained and is_same:
                 raise log.refusal(
                     (name, other),
@@ -118,7 +118,7 @@ def check_copy(log: Draft, name: str) -> None:
 
 
 def check_whole(log: Draft, name: str) -> None:
-    """Warn of whole numbers without a unit: counts, or shares or thousandths of a drive's unit."""
+    """Warn of whole numbers without a unit: counts, per mille of a rating, or milliunits."""
     channel, values = log.channels[name], log[name]
     largest = float(np.abs(values).max())
     if channel.unit_stated or largest < _LEAST_LEVEL or np.any(values != np.rint(values)):
@@ -134,7 +134,7 @@ def check_whole(log: Draft, name: str) -> None:
 
 
 def check_power(log: Draft, name: str) -> None:
-    """Warn of an input, or of the power of a torque, that is larger than a joint's drive gives."""
+    """Warn of a current, a voltage or a torque's power beyond the limit of a joint's drive."""
     values, unit = log[name], log.channels[name].unit
     what, most = f"is {{:.3g}} {unit}", _LARGEST_INPUT.get(unit)
     if most is None:
@@ -151,7 +151,7 @@ def check_power(log: Draft, name: str) -> None:
 
 
 def check_speed(log: Draft, name: str) -> None:
-    """Warn of, or refuse where no unit was stated, a position that turns implausibly fast."""
+    """Warn of a position that moves implausibly fast; raise if no unit was stated."""
     fast = float(np.quantile(np.abs(_speed(log, name)), 0.95))
     if fast <= FASTEST_JOINT:
         return
@@ -172,34 +172,34 @@ def _speed(log: Draft, name: str) -> FloatArray:
 
 
 def check_repeats(log: Draft, name: str) -> None:
-    """Warn of a sensor that is read in every so many samples only, and repeated in between."""
+    """Warn of a sensor that is read at a lower rate than the log, with repeated values between."""
     steps = np.diff(log[name])
     places = np.flatnonzero(steps)
     if name in INPUTS or len(places) < _FEWEST_READINGS:
         return
     apart, sizes = np.diff(places), np.abs(steps[places])
     period = int(np.median(apart))
-    # Where a coarse encoder changes at even times, in a slow motion, all steps are alike.
+    # In slow motion a coarse encoder may change at even times too, but by equal steps.
     if period < 2 or np.mean(apart % period == 0) < _EVENLY or np.median(sizes) < 3.0 * sizes.min():
         return
     log.warn(
         name,
-        f"{name} changes only every {period} samples, as if it was read so rarely and repeated: "
+        f"{name} changes only every {period} samples, as if read at that rate and repeated: "
         f"log it as fast as the others, or all at its rate",
         Rank.DATA,
     )
 
 
 def check_saturation(log: Draft, name: str) -> None:
-    """Warn of a channel that rests at its largest or smallest value again and again."""
+    """Warn of a channel that is clipped: it repeatedly rests at its largest or smallest value."""
     values = log[name]
     for level, sign in ((values.min(), -1.0), (values.max(), 1.0)):
         share = np.count_nonzero(values == level) / len(values)
-        # An input that is switched between few levels is no fault.
+        # An input that switches between a few levels is not clipped.
         if share > 0.01 and len(np.unique(values)) > 20 and _has_limit(sign * values):
             log.warn(
                 name,
-                f"{name} stands at its extreme of {level:.4g} {log.channels[name].unit} in "
+                f"{name} rests at its extreme of {level:.4g} {log.channels[name].unit} in "
                 f"{100.0 * share:.2g} % of the samples, as if clipped: reduce the amplitude or "
                 f"widen the sensor's range",
                 Rank.DATA,
@@ -208,13 +208,13 @@ def check_saturation(log: Draft, name: str) -> None:
 
 
 def _has_limit(values: FloatArray) -> bool:
-    from flexid.kernels.store import load_kernel  # few channels rest at an end
+    from flexid.kernels.store import load_kernel  # rarely needed
 
     return load_kernel("limits", (), None, ["limits"]).has_limit(values)
 
 
 def check_two_encoders(log: Draft) -> None:
-    """Check that link and motor position are two of the same kind at one side of the gear."""
+    """Check that link and motor position differ, and share one unit and one side of the gear."""
     link, motor = (log[name] for name in ENCODERS)
     correlation = float(np.corrcoef(link, motor)[0, 1])
     factor = float(motor.std() / link.std())
@@ -228,10 +228,10 @@ def check_two_encoders(log: Draft) -> None:
         factor, remedy = 1.0 / factor, f"scale the link position by {factor:.3g}"
         remedy = f"correct the {log.ratio}" if is_stated else remedy
     moves = f"the {larger} position is about {factor:.3g} times the {smaller} position"
-    # A joint near its resonance moves one side several times as much: only clear cases are refused.
+    # Near resonance one side moves several times as far, so only clear cases are refused.
     is_one_motion = abs(correlation) > 0.98
     faults = {
-        "link and motor position are one and the same signal, so nothing is known of the spring: "
+        "link and motor position are the same signal, which does not show the spring: "
         "log the second encoder": _is_constant(link - motor, link),
         f"the {larger} position is about {misread:.4g} times the {smaller} position, so one is "
         f"{units}: write the unit in brackets": is_one_motion
@@ -254,33 +254,33 @@ def check_two_encoders(log: Draft) -> None:
             log.warn(ENCODERS, odd, Rank.SCALE)
 
 
-FEWEST_STILL = 20  # samples without any change, of which fewer are no stuck sensor
-_SHARE = 0.02  # of the log, the same where no jump follows
-_JUST_AFTER = 5  # steps that a jump is compared with
-_CLEAR = 20.0  # times a position's noise, by which it has to move
-MOVED = 0.1  # of its range, by which the other side moves, where no jump follows
-_JUMP = 3.0  # times the steps after it, by which the first one is larger where samples were lost
+FEWEST_STILL = 20  # unchanged samples in a row that indicate a stuck sensor
+_LASTING_SHARE = 0.02  # of the log, unchanged up to its end, without a jump
+_JUST_AFTER = 5  # steps after a jump, with which the jump is compared
+_CLEAR = 20.0  # smallest motion, in standard deviations of a position's noise
+MOVED = 0.1  # of its range: smallest motion of the other side where no jump follows
+_JUMP = 3.0  # size of a jump over the largest step after it
 
-Stretch = tuple[int, int]  # first sample, and the one after the last
+Stretch = tuple[int, int]  # first sample, and the sample after the last one
 
 
 def drop_frozen(log: Draft) -> None:
-    """Leave out samples that a stuck sensor repeats, so that the log has a gap there.
+    """Remove samples that a stuck sensor repeats, so that the log has a gap there.
 
-    A joint that meets a stop or a brake may rest from one sample to the next, as its encoders see
-    it. So a stretch is left out only where the other side moves, and the position is another one
-    when it goes on.
+    A joint that meets a stop or a brake also comes to rest within one sample. So a stretch is
+    removed only if the other side moves meanwhile, and if the position has jumped when it
+    changes again.
     """
     kept = np.ones(len(log.time), dtype=np.bool_)
-    with np.errstate(all="ignore"):  # of numbers that no check has refused yet
+    with np.errstate(all="ignore"):  # values are not yet checked
         clear = {name: _CLEAR * position_noise(log[name]) for name in log.those_of(POSITIONS)}
-        found = {name: list(_of_one(log, name, clear)) for name in clear}
+        found = {name: list(_frozen_stretches(log, name, clear)) for name in clear}
     for name, stretches in found.items():
-        # One side that rests to the end of the log may have met a brake.
+        # A side that rests to the end of the log may be held by a brake.
         lasting = [one for one in stretches if one[1] == len(kept)]
         cut = stretches[: len(stretches) - len(lasting)]
         for start, stop in cut:
-            kept[start + 1 : stop] = False  # the first of the repeated samples was measured
+            kept[start + 1 : stop] = False  # the first of the equal samples was measured
         for stuck, remedy in (
             (cut, "that part was left out; check the sensor and the logger"),
             (lasting, "check the sensor, or cut that part out"),
@@ -297,8 +297,8 @@ def drop_frozen(log: Draft) -> None:
         log.keep(kept)
 
 
-def _of_one(log: Draft, name: str, clear: Mapping[str, float]) -> Iterator[Stretch]:
-    """Stretches in which one sensor repeats itself while the other side moves."""
+def _frozen_stretches(log: Draft, name: str, clear: Mapping[str, float]) -> Iterator[Stretch]:
+    """Stretches in which one sensor repeats its value while the other side moves."""
     values = log[name]
     other = next((one for one in clear if one != name), None)
     if other is None or not np.ptp(values):
@@ -308,19 +308,19 @@ def _of_one(log: Draft, name: str, clear: Mapping[str, float]) -> Iterator[Stret
         if np.ptp(moves) <= clear[other] or len(np.unique(moves)) < FEWEST_STILL // 2:
             continue
         far = np.ptp(moves) > MOVED * np.ptp(log[other])
-        lasting = stop == len(values) and stop - start >= _SHARE * len(values)
+        lasting = stop == len(values) and stop - start >= _LASTING_SHARE * len(values)
         if _jumps(values[stop - 1 :], clear[name]) or (lasting and far):
             yield start, stop
 
 
 def _unchanging(values: FloatArray) -> Iterator[Stretch]:
-    """Stretches of some length in which a channel does not change."""
+    """Stretches of at least `FEWEST_STILL` samples in which a channel does not change."""
     edges = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1, [len(values)]))
     for place in np.flatnonzero(np.diff(edges) >= FEWEST_STILL):
         yield int(edges[place]), int(edges[place + 1])
 
 
 def _jumps(values: FloatArray, clear: float) -> bool:
-    """Whether a position's first step is beyond its noise and all that follow it."""
+    """Whether a position's first step exceeds the threshold `clear` and the steps after it."""
     steps = np.abs(np.diff(values[: 2 + _JUST_AFTER]))
     return len(steps) > _JUST_AFTER and bool(steps[0] > max(clear, _JUMP * steps[1:].max()))

@@ -1,4 +1,4 @@
-"""Which column of a file is which channel, in which unit: by names, or by a column map."""
+"""Assignment of the columns of a file to channels, by their names or by a column map."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from flexid.recording.recipes import (
     MapSource,
     Recipe,
     joint_of,
-    made,
+    make_channel,
     read_map,
     recipe_of_column,
 )
@@ -50,27 +50,27 @@ _NEEDED = {
     _INPUT: INPUTS,
 }
 _BY_FOLDED = {name.replace("_", ""): name for name in SI_UNITS}
-_UNNAMED = re.compile(r"(?i)unnamed\b")  # as flexid and pandas call a column without a name
+_UNNAMED = re.compile(r"(?i)unnamed\b")  # name that flexid and pandas give to unnamed columns
 _NO_MAP = ColumnMap("", {}, None, frozenset())
 
 
 def read_channels(
     table: Table, columns: MapSource | None
 ) -> tuple[dict[str, Channel], tuple[str, ...]]:
-    """Channels of a table in SI units by canonical name, and warnings."""
+    """Return the channels of a table in SI units, by canonical name, and warnings."""
     recipes, warnings = recipes_of(table, columns)
     return channels_of(table, recipes, Clock()), warnings
 
 
 def channels_of(table: Table, recipes: Mapping[str, Recipe], clock: Clock) -> dict[str, Channel]:
-    """Channels of a table, or of a part of one, by recipes of its names."""
-    return {name: made(table, name, recipe, clock) for name, recipe in recipes.items()}
+    """Return the channels that recipes make of a table, or of a part of one."""
+    return {name: make_channel(table, name, recipe, clock) for name, recipe in recipes.items()}
 
 
 def recipes_of(
     table: Table, columns: MapSource | None
 ) -> tuple[dict[str, Recipe], tuple[str, ...]]:
-    """How each channel that is read is made, and warnings."""
+    """Return the recipe of each channel that is read, and warnings."""
     plan = _Plan(table, columns)
     recipes = plan.wanted()
     plan.name_unused()
@@ -78,15 +78,15 @@ def recipes_of(
 
 
 class _Plan:
-    """Where each channel comes from: from a column map, or from a column by its name."""
+    """Source of each channel: a column map, or a column with a known name."""
 
     def __init__(self, table: Table, columns: MapSource | None) -> None:
         self.table = table
         self.warnings: list[str] = []
         self.map = _NO_MAP if columns is None else read_map(columns)
-        # A side that is clamped names no column.
+        # An entry for a clamped side names no column.
         self.is_mapped = bool(self.map.recipes.keys() - self.map.clamped or self.map.unread)
-        self.found: dict[str, Recipe] = {}  # by the names of columns
+        self.found: dict[str, Recipe] = {}  # recipes of channels that were found by name
         self._add_canonical()
         if not self.is_mapped:
             self._add_usual()
@@ -94,12 +94,12 @@ class _Plan:
         self._require()
 
     def wanted(self) -> dict[str, Recipe]:
-        """Recipes of the channels to read: of several inputs or link positions, only of one."""
+        """Recipes of the channels to read, with one input and one link position."""
         wanted = self.available
         first, *others = [name for name in INPUTS if name in wanted] or [""]
-        left_out = dict.fromkeys(others, f"{first} is there: remove {first} to use it")
+        left_out = dict.fromkeys(others, f"there is a {first}: remove {first} to use it")
         if {"link_position", "deflection"} <= wanted:
-            why = "the link position is there: remove the link position to use it"
+            why = "there is a link position: remove the link position to use it"
             left_out = {"deflection": why, **left_out}
         for name in VELOCITIES:
             if name in wanted and name.replace("velocity", "position") in self.map.clamped:
@@ -118,9 +118,9 @@ class _Plan:
         return {name: recipe._replace(joint=joint) for name, recipe in recipes.items()}
 
     def name_unused(self) -> None:
-        """Name columns that no channel is made of; a bag holds much that no joint needs."""
+        """Warn of unused columns, except in formats such as bags, with many unrelated signals."""
         taken = {header for recipe in self.found.values() for header in recipe.weights}
-        # A column without a name numbers the rows, or ends where a line has a separator too many.
+        # An unnamed column numbers the rows, or follows from a trailing separator.
         unused = [n for n in self.table.names if n not in taken and not _UNNAMED.match(n)]
         if unused and not (self.is_mapped or self.table.kinds):
             are = "is" if len(unused) == 1 else "are"
@@ -131,7 +131,7 @@ class _Plan:
         return RecordingError(self.table.file, self.table.header, reason)
 
     def _add_canonical(self) -> None:
-        """Add columns with canonical names, but for those that a column map is about."""
+        """Add columns with canonical names, except for channels that a column map defines."""
         named = {*self.map.recipes, *self.map.unread}
         for header in self.table.names:
             bare, unit = split_header(self.table.short_name(header))
@@ -146,7 +146,7 @@ class _Plan:
             self.found[name] = recipe_of_column(self.table, header, unit)
 
     def _add_usual(self) -> None:
-        """Add columns that have usual names where no column has the channel's own."""
+        """Add columns with common names for channels without a column of the canonical name."""
         candidates = self._candidates()
         skipped = {*self.found, *self.map.recipes}
         if skipped & set(INPUTS):
@@ -176,12 +176,11 @@ class _Plan:
         )
         if added:
             self.warnings.append(
-                f"by its name was taken {shown}: check it, or say in a column map what the columns "
-                f"are"
+                f"taken by name: {shown}; check it, or define the columns in a column map"
             )
 
     def _candidates(self) -> dict[str, list[Recipe]]:
-        """Columns of one joint by the channel that their usual names stand for."""
+        """Columns of one joint, by the channel that their common names indicate."""
         taken = {one.header for one in self.found.values()}
         short = {h: self.table.short_name(h) for h in self.table.names if h not in taken}
         ignored = common_words(short.values())
@@ -195,7 +194,7 @@ class _Plan:
             recipe = recipe_of_column(self.table, header, one.unit)
             kind = commanded if one.commanded else found
             kind.setdefault(one.channel, []).append(recipe)
-        # Of several columns those count that are in a unit that needs no scale.
+        # Columns in absolute units take precedence over counts and percentages.
         plain = {
             name: [one for one in own if not is_relative(one.unit or "")]
             for name, own in found.items()
@@ -208,29 +207,29 @@ class _Plan:
         side = _side_of_bare(known & {*POSITIONS}, len(found.get("position", ())))
         for quantity in ("position", "velocity", "torque"):
             name = f"{side}_{quantity}"
-            # Beside two encoders it may be the spring's torque that is measured.
+            # If positions are known, a bare torque may be the spring's.
             is_springs = quantity == "torque" and known & {*POSITIONS}
             if side and quantity in found and name not in known and not is_springs:
                 found[name] = found[quantity]
         places = [recipe for name, own in found.items() if "position" in name for recipe in own]
         places += [recipe for name, recipe in self.found.items() if name in POSITIONS]
-        # Beside angles, or a current, a force may be that of something else.
+        # In a log with angles or a current, a force may belong to something else.
         moves = joint_of(places, "revolute" if known & {*INPUTS} else "prismatic")
         if "force" in found and moves == "prismatic" and "motor_torque" not in self.found:
             found.setdefault("motor_torque", found["force"])
-        # What was measured is nearer to what acted than what was asked for.
+        # A command is used only if no input was measured.
         if {*INPUTS}.isdisjoint({*self.found, *found}):
             force = {"motor_torque": commanded["force"]} if "force" in commanded else {}
             found |= {**force, **commanded} if moves == "prismatic" else commanded
         return found
 
     def _joint_of(self, usual: Mapping[str, Usual]) -> str:
-        """The number of the only joint whose positions have one, or none; raise if several have."""
+        """Number of the joint in the names of positions, if any; raise if there are several."""
         motors_last = sorted(usual.items(), key=lambda item: item[1].channel == "motor_position")
         positions = {one.joint: h for h, one in motors_last if one.channel.endswith("position")}
         if "" in positions or len(positions) <= 1:
             return next((joint for joint in positions if joint), "")
-        if "motor_position" in self.found:  # which of them is its link, no name says
+        if "motor_position" in self.found:  # names do not show which of them is its link
             return ""
         numbers = sorted(positions, key=int)
         raise self._refusal(
@@ -240,14 +239,14 @@ class _Plan:
         )
 
     def _require(self) -> None:
-        """Raise unless there are time, motor position, and link position or input; warn of both."""
+        """Raise if time, motor position, or both link position and input lack; warn if one does."""
         recipes = (*self.found.values(), *self.map.recipes.values())
         taken = {split_header(column)[0] for recipe in recipes for column in recipe.weights}
         bare = {h: name for h in self.table.names if (name := split_header(h)[0]) not in taken}
         missing = [
             label
             for label, names in _NEEDED.items()
-            # A velocity will do for a position, but not beside one that is misspelt.
+            # A velocity replaces a position, unless a column seems to be a misspelt position.
             if (there := self.available & {*names}) <= {*VELOCITIES}
             and not (there and not nearest_name(names[0], bare.values()))
         ]
@@ -274,12 +273,12 @@ class _Plan:
 
 
 def _likely(missing: Iterable[str], columns: Collection[str]) -> Iterator[tuple[str, str]]:
-    """Missing channels, and columns that measure what they do, by a word of their names."""
+    """Yield missing channels with columns whose names contain the word for their quantity."""
     for label in missing:
         name = label.partition(" ")[0]
         for header in columns:
             words, kind = words_of(split_header(header)[0]), name.rpartition("_")[2]
-            # A voltage of the q axis is no position.
+            # In "voltage q" the q denotes an axis, not a position.
             others = {"torque", "current", "voltage"} - {kind}
             found = {*(words.quantities if words is not None else ())}
             if kind in found and others.isdisjoint(found):
@@ -287,7 +286,7 @@ def _likely(missing: Iterable[str], columns: Collection[str]) -> Iterator[tuple[
 
 
 def _name_sides(found: dict[str, list[Recipe]]) -> None:
-    """Give the sides to two positions q and theta, as the literature calls link and motor."""
+    """Assign two positions q and theta to link and motor, by the convention of the literature."""
     positions = found.get("position", [])
     words = [words_of(split_header(one.header)[0]) for one in positions]
     letters = [each.all for each in words if each is not None]
@@ -298,16 +297,16 @@ def _name_sides(found: dict[str, list[Recipe]]) -> None:
 
 
 def _side_of_bare(known: Collection[str], count: int) -> str:
-    """The side that `count` names of positions without one have, beside known ones; or none."""
+    """Side of the joint for positions whose names state none; "" if it is ambiguous."""
     if not known:
-        return "motor"  # of a drive with one encoder
+        return "motor"  # a drive with one encoder
     if count == 1 and known == {"motor_position"}:
-        return "link"  # as q beside theta_m
+        return "link"  # such as q in a log with theta_m
     return "motor" if count == 1 and known == {"link_position"} else ""
 
 
 def _has_stamps(column: polars.Series) -> bool:
-    """Whether a column begins with a date and a time."""
+    """Whether the first cell of a column is a time stamp, or all are dates or times."""
     first = next(iter(column.drop_nulls().head(1)), None)
     is_text = isinstance(first, str) and is_stamp(first.strip())
     return is_text or column.dtype.is_temporal()

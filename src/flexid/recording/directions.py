@@ -1,13 +1,13 @@
-"""Channels that are counted against the motor's direction, which the drive's mechanics tell.
+"""Detection of channels with the wrong sign, relative to the motor's position.
 
-Of link and motor, smoothed alike as in `slow_motion`,
+With link and motor position smoothed by one kernel as in `slow_motion`, the mechanics are
 
     link - motor     = -(J link'' + g sin(link + angle)) / k + a link' + b sign(link') + c,
     torque           =  (J + M) motor'' + J (link - motor)'' + g sin(link + angle) + friction,
 
-so that a deflection goes against the link's acceleration, and a torque with the motor's. Where the
-log says the opposite, a sign is wrong: no spring and no inertia is negative, and no drive gives
-back more than was put into it.
+so a deflection opposes the link's acceleration, and a torque has the sign of the motor's
+acceleration. If a log shows the opposite, a sign is wrong: stiffness and inertia are positive,
+and a drive cannot return more energy than it received.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,31 +20,31 @@ from flexid.arrays import FloatArray
 from flexid.recording.recording import INPUTS, Draft, Rank, Recording
 from flexid.recording.slow_motion import PARTS, Smoothing, left_over, own_share, smoothing
 
-_OPPOSITE = -0.98  # correlation of link and motor, whose sizes are alike
-_ALIKE = 1.1  # sizes of link and motor: a soft joint near its resonance moves one side more
+_OPPOSITE = -0.98  # correlation of link and motor of about the same amplitude
+_SIZE_RATIO = 1.1  # of link and motor: a soft joint near its resonance moves one side more
 _CERTAIN = 5.0  # standard errors
-_DISSIPATED = 0.02  # of the work to and fro, what friction takes: more in 54 of 56 trials
-_EXPLAINED = 0.5  # of the squares of a deflection or an input, left over at most
-_LIKELIER = 0.5  # of what a deflection leaves over as it is: at most 0.33 if it has to be turned
+_DISSIPATED = 0.02  # friction's least share of the absolute work: more in 54 of 56 trials
+_MOST_LEFT = 0.5  # largest residual over the signal, as squares, of a deflection or an input
+_BETTER_FIT = 0.5  # residual after over before a change of sign: at most 0.33 if it is needed
 
 
 def reversed_channels(log: Draft, recording: Recording, *, alone: bool) -> Iterator[str]:
-    """Name channels that count against the motor's direction, and say so.
+    """Yield the names of channels with the wrong sign, with a warning.
 
-    An arm's inputs move other joints, too, so that only a joint that is `alone` tells of its own.
+    An input is tested only if the joint is `alone`: inputs of an arm also move other joints.
     """
     if _is_reversed_link(recording):
-        yield from _named(log, "link_position", "it moves against the motor's position")
+        yield from _warn_of_sign(log, "link_position", "it moves against the motor's position")
     elif _is_reversed_deflection(recording):
-        why = "as it is it does not pull the link, and it is the link's position less the motor's"
-        yield from _named(log, "deflection", why)
+        why = "by the link's acceleration it is motor minus link position"
+        yield from _warn_of_sign(log, "deflection", why)
     elif alone and _is_reversed_input(recording):
         name = next(name for name in INPUTS if name in log.channels)
-        yield from _named(log, name, "it pulls against the way in which the motor accelerates")
+        yield from _warn_of_sign(log, name, "it acts against the motor's acceleration")
 
 
-def turned(log: Draft, names: list[str]) -> None:
-    """Turn channels to the motor's direction, in their values and in what is told of them."""
+def change_signs(log: Draft, names: list[str]) -> None:
+    """Change the sign of channels, in their values and in their origins."""
     for name in names:
         channel = log.channels[name]
         factor, offset = -channel.origin.factor, 0.0 - channel.origin.offset
@@ -52,8 +52,8 @@ def turned(log: Draft, names: list[str]) -> None:
         log.channels[name] = replace(channel, values=-channel.values, origin=origin)
 
 
-def _named(log: Draft, name: str, why: str) -> Iterator[str]:
-    """Say of a channel, and of a velocity that goes with it, why it is turned."""
+def _warn_of_sign(log: Draft, name: str, why: str) -> Iterator[str]:
+    """Warn of a channel with the wrong sign; yield it, and its velocity if that is wrong too."""
     names = [name]
     velocity = name.replace("position", "velocity")
     has_one = velocity != name and velocity in log.channels
@@ -70,99 +70,95 @@ def _named(log: Draft, name: str, why: str) -> Iterator[str]:
 
 
 def _is_reversed_link(recording: Recording) -> bool:
-    """Whether two encoders count in opposite directions.
+    """Whether the link's encoder counts in the opposite direction.
 
-    Beyond the link's own resonance a joint's sides do move against each other, as far as each other
-    where they weigh the same, and bend it as its spring does.
+    Above the antiresonance the two sides do move in opposite directions, at resonance with the
+    same amplitude if their inertias are equal. Then the deflection as logged fits the mechanics.
     """
     link = recording.link_position
     if link is None or recording.clamped or recording.link_from_deflection:
         return False
     if np.corrcoef(link, recording.motor_position)[0, 1] >= 0.0:
         return False
-    return _pulls_better(recording, -link, otherwise=are_opposed(recording))
+    return _fits_turned(recording, -link, otherwise=are_opposed(recording))
 
 
 def are_opposed(recording: Recording) -> bool:
-    """Whether link and motor make one motion in opposite directions."""
+    """Whether link and motor positions are proportional with opposite signs."""
     link, motor = recording.link_position, recording.motor_position
     if link is None or recording.clamped:
         return False
     ratio = float(motor.std() / link.std())
     is_opposed = np.corrcoef(link, motor)[0, 1] < _OPPOSITE
-    return bool(is_opposed and 1.0 / _ALIKE < ratio < _ALIKE)
+    return bool(is_opposed and 1.0 / _SIZE_RATIO < ratio < _SIZE_RATIO)
 
 
 def _is_reversed_deflection(recording: Recording) -> bool:
-    """Whether a measured deflection is the motor's position less the link's."""
+    """Whether a measured deflection is the motor's position minus the link's."""
     is_measured = recording.link_from_deflection
-    return is_measured and _pulls_better(recording, recording.motor_position - recording.deflection)
+    return is_measured and _fits_turned(recording, recording.motor_position - recording.deflection)
 
 
-def _pulls_better(
-    recording: Recording, turned_link: FloatArray, *, otherwise: bool = False
-) -> bool:
-    """Whether the spring's deflection pulls the link as it should only with the link turned.
+def _fits_turned(recording: Recording, turned_link: FloatArray, *, otherwise: bool = False) -> bool:
+    """Whether the deflection opposes the link's acceleration only, or better, with the turned link.
 
-    What is `otherwise` is so where it does with neither sign.
+    If it does so with neither sign, or cannot be tested, return `otherwise`.
     """
     smoothed = smoothing(recording)
     if smoothed is None:
         return otherwise
-    as_it_is, other = (
-        _explained(
+    as_logged, other = (
+        _fit(
             smoothed(link - recording.motor_position),
             smoothed(link, 2),
-            _resisting(recording, smoothed, link),
+            _resistance(recording, smoothed, link),
         )
         for link in (recording.needed_link_position, turned_link)
     )
     if not other.against:
-        return otherwise and not as_it_is.against
-    return not as_it_is.against or other.left < _LIKELIER * as_it_is.left
+        return otherwise and not as_logged.against
+    return not as_logged.against or other.left < _BETTER_FIT * as_logged.left
 
 
 def _is_reversed_input(recording: Recording) -> bool:
-    """Whether an input pulls against the motor's acceleration, and takes work out of the drive.
+    """Whether an input opposes the motor's acceleration, and its work on the drive is negative.
 
-    Of a drive with one encoder an elastic load may accelerate against the input, which then still
-    does work; a load that is let down gives work back, and accelerates with the input.
+    Each condition alone is possible. With one encoder, an elastic load may accelerate against an
+    input that does positive work. A load that is lowered returns work, but follows the input.
     """
     smoothed = smoothing(recording)
     if smoothed is None or recording.input is None or recording.clamped:
         return False
     motor, link = recording.motor_position, recording.link_position
-    others = _resisting(recording, smoothed, motor if link is None else link)
+    others = _resistance(recording, smoothed, motor if link is None else link)
     if link is not None:
         others = [smoothed(link - motor, 2), *others]
     work = 0.5 * (recording.input[1:] + recording.input[:-1]) * np.diff(motor)
     if work.sum() >= -_DISSIPATED * np.abs(work).sum():
         return False
-    return _explained(smoothed(recording.input), smoothed(motor, 2), others).against
+    return _fit(smoothed(recording.input), smoothed(motor, 2), others).against
 
 
-class _Explained(NamedTuple):
-    """What mechanics explain of a signal."""
+class _Fit(NamedTuple):
+    """Fit of a signal by the mechanics of the joint."""
 
-    against: bool  # whether it certainly goes against the acceleration
-    left: float  # of its squares, what nothing explains
+    against: bool  # whether the signal opposes the acceleration with certainty
+    left: float  # squares of the residual over those of the signal
 
 
-def _explained(
-    signal: FloatArray, acceleration: FloatArray, others: Sequence[FloatArray]
-) -> _Explained:
-    """How much of a signal the acceleration and others explain, and to which side."""
+def _fit(signal: FloatArray, acceleration: FloatArray, others: Sequence[FloatArray]) -> _Fit:
+    """Fit a signal by an acceleration and other regressors."""
     share, error = own_share(signal, acceleration, others)
     size = left_over(signal)
     left = left_over(signal, [acceleration, *others]) / size if size else 1.0
-    # Fewer are fitted by anything, and parts of them then tell of no error.
+    # Fewer samples are overfitted, and the jackknife then underestimates the error.
     is_enough = len(signal) >= PARTS * (len(others) + 2)
-    against = is_enough and left < _EXPLAINED and share < -_CERTAIN * error
-    return _Explained(against, left)
+    against = is_enough and left < _MOST_LEFT and share < -_CERTAIN * error
+    return _Fit(against, left)
 
 
-def _resisting(recording: Recording, smoothed: Smoothing, moved: FloatArray) -> list[FloatArray]:
-    """Gravity, or a spring that a slide pushes on, and friction of a side, of unknown sizes."""
+def _resistance(recording: Recording, smoothed: Smoothing, moved: FloatArray) -> list[FloatArray]:
+    """Regressors of gravity (of a linear axis: of a spring load) and of one side's friction."""
     turns = recording.joint == "revolute"
     load = [smoothed(np.sin(moved)), smoothed(np.cos(moved))] if turns else [smoothed(moved)]
     return [*load, smoothed(moved, 1), smoothed.sign(moved)]

@@ -1,4 +1,4 @@
-"""From a data frame, or arrays by name, to columns of numbers: a log that is in memory already."""
+"""Data frames and arrays in memory as tables of columns."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ ARRAYS = "arrays"
 
 
 def is_frame(data: object) -> bool:
-    """Whether something is a data frame of pandas, Polars, PyArrow or another library."""
+    """Whether an object is a data frame of pandas, Polars, PyArrow or another library."""
     import narwhals as nw
 
     return nw.dependencies.is_into_dataframe(data)
 
 
 def table_of_frame(frame: Any) -> Table:
-    """Columns of a data frame of pandas, Polars, PyArrow or another library that narwhals knows."""
+    """Return the columns of a data frame of any library that narwhals supports, as a table."""
     import narwhals as nw
 
     if nw.dependencies.is_pandas_dataframe(frame):
@@ -37,7 +37,7 @@ def table_of_frame(frame: Any) -> Table:
     try:
         table = nw.from_native(frame, eager_only=True)
     except nw.exceptions.DuplicateError as error:
-        reason = f"{' '.join(str(error).split())}: rename or remove columns that stand there twice"
+        reason = f"{' '.join(str(error).split())}: rename or remove duplicate columns"
         raise RecordingError(FRAME, "", reason) from None
     names = [name for name in table.columns if not isinstance(name, str)]
     if names:
@@ -46,35 +46,35 @@ def table_of_frame(frame: Any) -> Table:
 
 
 def _with_index(frame: Any) -> Any:
-    """A frame of pandas whose index is among the columns, if it has names or is a time."""
+    """A pandas frame, with its index as columns if the index has names or is a time."""
     names = {name for name in frame.index.names if name is not None}
     is_time = getattr(frame.index.dtype, "kind", "") in "mM"
     return frame.reset_index() if (names or is_time) and not names & {*frame.columns} else frame
 
 
 def _values(column: Any) -> Any:
-    """Values of a column, numbers and times as an array; anything else as Polars takes it."""
+    """Values of a column: an array of numbers or times, or a list of anything else."""
     import narwhals as nw
 
     if isinstance(column.dtype, nw.Datetime) and column.dtype.time_zone is not None:
-        # NumPy's has no zone.
+        # Times of NumPy have no time zone.
         column = column.dt.convert_time_zone("UTC").dt.replace_time_zone(None)
     is_array = column.dtype.is_numeric() or isinstance(column.dtype, nw.Datetime | nw.Duration)
     return column.to_numpy() if is_array else column.to_list()
 
 
 def table_of_arrays(arrays: Mapping[str, Any]) -> Table:
-    """Columns from arrays of one length by name, as ``"link_position [deg]"``."""
+    """Return arrays of one length as a table; keys are headers, as ``"link_position [deg]"``."""
     columns: dict[str, Any] = {}
-    for name, values in _named(arrays).items():
+    for name, values in _by_header(arrays).items():
         if not isinstance(name, str):
             raise RecordingError(ARRAYS, f"key {name!r}", "it is not text: name the channel")
         columns[name] = _array(name, values)
     return _table(ARRAYS, columns)
 
 
-def _named(arrays: Mapping[str, Any]) -> dict[Any, Any]:
-    """Arrays by name; of an `xarray.Dataset` with its coordinates, and the units that it states."""
+def _by_header(arrays: Mapping[str, Any]) -> dict[Any, Any]:
+    """Arrays by header; for an `xarray.Dataset` with its coordinates and units."""
     coordinates = {
         name: values for name, values in getattr(arrays, "coords", {}).items() if values.ndim == 1
     }
@@ -92,7 +92,7 @@ def _array(name: str, values: Any) -> Any:
         raise RecordingError(ARRAYS, f"column {name!r}", reason)
     try:
         found = np.asarray(values)
-    except ValueError:  # lists of different lengths
+    except ValueError:  # nested lists of different lengths
         found = np.empty((0, 0))
     if found.ndim != 1:
         reason = f"it has {found.ndim} dimensions: give an array of one, a value for each sample"
@@ -109,7 +109,7 @@ def _table(file: str, columns: Mapping[str, Any]) -> Table:
         frame = pl.DataFrame(known, strict=False)
     except (pl.exceptions.PolarsError, TypeError, ValueError) as error:
         what = " ".join(str(error).split())
-        reason = f"its columns are no table of numbers ({what}): give one for each sample"
+        reason = f"its columns do not form a table ({what}): give one number for each sample"
         raise RecordingError(file, "", reason) from None
     if not frame.height or not frame.width:
         raise RecordingError(file, "", "it holds no samples: give a value for each sample")
@@ -124,7 +124,7 @@ def _table(file: str, columns: Mapping[str, Any]) -> Table:
 
 
 def _digest(frame: pl.DataFrame) -> str:
-    """Hash of names and values: the same data twice are not two logs."""
+    """Hash of names and values, by which the same log given twice is recognised."""
     digest = hashlib.sha256(repr(frame.schema).encode())
     for column in frame:
         numbers = column.dtype.is_numeric() and not column.null_count()
@@ -133,7 +133,7 @@ def _digest(frame: pl.DataFrame) -> str:
 
 
 def write_parquet(table: pl.DataFrame, path: Path) -> None:
-    """Write a table; a full disk, for which Polars has its own error, raises an `OSError`."""
+    """Write a table as Parquet; raise an `OSError` if that fails, as on a full disk."""
     try:
         table.write_parquet(path)
     except pl.exceptions.ComputeError as error:

@@ -1,4 +1,4 @@
-"""Where a text file's header, units and rows stand, whatever its logger wrote around them."""
+"""Location of header, units and rows in a text file, between other lines of the logger."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ from flexid.recording.units import is_usual
 if TYPE_CHECKING:
     import polars
 
-SEPARATORS = "\t;|,"  # in the order in which a row of numbers is split: a comma may be a decimal's
-BLANK = " "  # the separator where columns are separated by any number of blanks
+SEPARATORS = "\t;|,"  # in the order in which they are tried: a comma may be a decimal comma
+BLANK = " "  # denotes columns that are separated by any number of blanks
 COMMENTS = ("#", "%", "//")
-LONGEST_PREAMBLE = 1_000  # lines that may stand before the numbers, of a megabyte in all
-_MORE_ROWS = 3  # of numbers after the first: fewer may be lines of a preamble
-LONGEST_LINE = 1_000_000  # bytes
+LONGEST_PREAMBLE = 1_000  # lines before the numbers
+_MORE_ROWS = 3  # rows of numbers that must follow the first: fewer may belong to a preamble
+LONGEST_LINE = 1_000_000  # bytes, of a line and of the preamble
 _NO_HEADER = "the file begins with numbers: write a header with the column names first"
 _LABEL = re.compile(r"(?i)(type|units?|interp|blockpath|portindex|name): ?")
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the parts of a text file stand."""
+    """Locations of the parts of a text file."""
 
-    names: tuple[str, ...]  # of the columns, with the unit in brackets if a row of units gives it
-    separator: str  # between cells; `BLANK` where it is any number of blanks
-    header_line: int  # from 1
-    first_line: int  # of the values
-    start: int  # where that line begins, in bytes
-    skipped: Mapping[tuple[int, int], str] = field(default_factory=dict)  # lines, and why
-    left_out: Mapping[int, str] = field(default_factory=dict)  # lines without a sample, and why
-    twins: tuple[tuple[str, str], ...] = ()  # columns of one name: the first, and what another got
+    names: tuple[str, ...]  # of the columns, with the unit in brackets if there is a row of units
+    separator: str  # between cells; `BLANK` for any number of blanks
+    header_line: int  # line number from 1
+    first_line: int  # line number of the first row of values
+    start: int  # offset of the first row of values, in bytes
+    skipped: Mapping[tuple[int, int], str] = field(default_factory=dict)  # reason by lines
+    left_out: Mapping[int, str] = field(default_factory=dict)  # reason by line without a sample
+    twins: tuple[tuple[str, str], ...] = ()  # duplicate columns: name, and its replacement
 
     def table(self, file: str, frame: polars.DataFrame, mark: str | None = None) -> Table:
-        """Cells of rows as columns of a file."""
+        """Return the cells of rows as a table of this layout."""
         return Table(
             file,
             frame,
@@ -52,13 +52,13 @@ class Layout:
         )
 
     def without_twins(self, file: str, frame: polars.DataFrame) -> polars.DataFrame:
-        """Columns without those that stand there twice; raise where these hold something else."""
+        """Return columns without duplicates; raise if two of one name differ in their values."""
         for name, other in self.twins:
             if not frame[name].equals(frame[other]):
                 raise RecordingError(
                     file,
                     f"line {self.header_line}",
-                    f"the column {name!r} stands there twice, with other values: rename or remove "
+                    f"the column {name!r} occurs twice, with different values: rename or remove "
                     f"one",
                 )
         return frame.drop([other for _, other in self.twins])
@@ -68,10 +68,10 @@ class Layout:
 class _Line:
     file: str
     number: int
-    begin: int  # of the line, in bytes
-    end: int  # behind its line feed
+    begin: int  # offset of the line, in bytes
+    end: int  # offset after its line feed
     text: str
-    cells: tuple[str, ...] = ()  # once the separator is known
+    cells: tuple[str, ...] = ()  # empty until the separator is known
 
     @property
     def is_comment(self) -> bool:
@@ -79,37 +79,37 @@ class _Line:
 
     @property
     def bare(self) -> str:
-        """The line without what makes it a comment, as which NumPy writes a header."""
+        """The line without comment marks, as NumPy writes its header as a comment."""
         return self.text.lstrip(" #%/") if self.is_comment else self.text
 
     @property
     def label(self) -> str:
-        """The first of the labels with which all cells below the names begin, as of Simulink."""
+        """Label of the first cell, as "unit", if all cells have labels (Simulink); else empty."""
         found = [_LABEL.match(cell) for cell in self.cells if cell]
         return found[0][1].lower() if found and found[0] and all(found) else ""
 
     def parted(self, separator: str, width: int, *, is_ended: bool) -> _Line:
-        """The line with its cells, `width` of them where it may be the names of as many columns."""
+        """Return the line with its cells, `width` of them if it may contain the column names."""
         cells = split(self.bare, separator)
         aligned = re.split(r"\s{2,}", self.bare.strip())
         if separator == BLANK and len(aligned) == width != len(cells):  # names of several words
             cells = aligned
-        if is_ended and len(cells) == width - 1:  # rows have a separator at their end
+        if is_ended and len(cells) == width - 1:  # rows have a trailing separator
             cells.append("")
         if len(cells) == width + 1 and cells[-1].casefold() in ("comment", ""):  # as of LabVIEW
             cells.pop()
         return replace(self, cells=tuple(cells))
 
     def refusal(self, reason: str) -> RecordingError:
-        """The error by which a text is refused for this line."""
+        """Return the error that refuses the text because of this line."""
         return RecordingError(self.file, f"line {self.number}", reason)
 
 
 def layout_of(file: str, text: bytes) -> Layout:
-    """Where header, units and first row stand in a text in UTF-8 with line feeds.
+    """Return the location of header, units and first row in a UTF-8 text with line feeds.
 
-    The header is the line of names above the first two rows of numbers with as many cells, or
-    above a row of units above them; lines before it are a preamble.
+    The header is the line of names above the first rows of numbers with as many cells. A row of
+    units may lie between them. Lines before the header are a preamble.
     """
     lines, row = _to_first_row(file, text)
     plain = [line for line in lines if not line.is_comment]
@@ -117,26 +117,26 @@ def layout_of(file: str, text: bytes) -> Layout:
         raise RecordingError(
             file, "line 1", "there is nothing but comments: write the column names below them"
         )
-    if row is None:  # no row of numbers: the first line is taken for the header, and rows follow
+    if row is None:  # without rows of numbers the first line is taken as the header
         separator = header_separator(plain[0].text)
         header = replace(plain[0], cells=tuple(split(plain[0].bare, separator)))
         return _layout([], header, None, separator, (header.number + 1, header.end))
     separator, width = row
     is_ended = not split(lines[-1].text, separator)[-1]
     lines = [line.parted(separator, width, is_ended=is_ended) for line in lines]
-    header, units = _above(lines[:-1], lines[-1], width)
+    header, units = _names_and_units(lines[:-1], lines[-1], width)
     below = [line for line in lines if line.number > header.number and line is not units]
     below = [line for line in below if not (line.is_comment or line.label)]
-    if len(header.cells) == width:  # a row before the first may have another length
+    if len(header.cells) == width:  # earlier rows may have another length
         below = [line for line in below if _is_row(line.cells)]
     return _layout(lines, header, units, separator, (below[0].number, below[0].begin))
 
 
-def _above(above: list[_Line], first: _Line, width: int) -> tuple[_Line, _Line | None]:
-    """The lines of the names and of the units, if there is one, above the first row."""
+def _names_and_units(above: list[_Line], first: _Line, width: int) -> tuple[_Line, _Line | None]:
+    """Return the lines of the names and, if any, of the units above the first row."""
     fitting = [line for line in above if len(line.cells) == width and not _is_row(line.cells)]
     named = [line for line in fitting if not line.is_comment] or fitting
-    if not named:  # the rows differ in length from any header, and are refused for that
+    if not named:  # no header fits the rows, which are refused later
         named = [line for line in above if not line.is_comment]
         if not named:
             raise first.refusal(_NO_HEADER)
@@ -148,7 +148,7 @@ def _above(above: list[_Line], first: _Line, width: int) -> tuple[_Line, _Line |
     if len(named) > 1 and units is None and _is_units(named[-1].cells):
         units = named.pop()
     named = [line for line in named if not any(map(is_number, line.cells))] or named
-    # A row of types or of groups has cells that are alike.
+    # Rows of types or groups have repeated cells.
     header = max(reversed(named), key=lambda line: len({*line.cells}))
     if units is None:
         others = (line for line in fitting if line is not header)
@@ -165,10 +165,10 @@ def _check_quotes(header: _Line) -> None:
 
 
 def _to_first_row(file: str, text: bytes) -> tuple[list[_Line], tuple[str, int] | None]:
-    """Lines up to the first of some rows of numbers, its separator and width; else all lines."""
-    ahead = _head(file, text)
+    """Lines up to the first row of numbers, with its separator and width; else all and None."""
+    ahead = _first_lines(file, text)
     lines: list[_Line] = []
-    waiting: list[_Line] = []  # that may be a row, or follow one
+    waiting: list[_Line] = []  # candidates for the first row and those after it
     while True:
         while len(waiting) <= _MORE_ROWS and (line := next(ahead, None)) is not None:
             lines.append(line)
@@ -182,7 +182,7 @@ def _to_first_row(file: str, text: bytes) -> tuple[list[_Line], tuple[str, int] 
 
 
 def _row_of(first: _Line, following: list[_Line]) -> tuple[str, int] | None:
-    """Separator and number of cells of a row of numbers that lines follow which are rows, too."""
+    """Separator and width of a row of numbers if the following lines are such rows too."""
     for separator in (*SEPARATORS, BLANK):
         cells = split(first.text, separator)
         if not _is_row(cells, all_of_them=separator == BLANK):
@@ -193,8 +193,8 @@ def _row_of(first: _Line, following: list[_Line]) -> tuple[str, int] | None:
     return None
 
 
-def _head(file: str, text: bytes) -> Iterator[_Line]:
-    """The first lines that are not blank."""
+def _first_lines(file: str, text: bytes) -> Iterator[_Line]:
+    """Lines at the beginning of a text, without blank ones."""
     position = 0
     for number in range(1, LONGEST_PREAMBLE + 3):
         if position >= min(len(text), LONGEST_LINE):
@@ -212,13 +212,13 @@ def _head(file: str, text: bytes) -> Iterator[_Line]:
 
 
 def _is_row(cells: Sequence[str], *, all_of_them: bool = False) -> bool:
-    """Whether most cells, two or more in all, are numbers or time stamps."""
+    """Whether there are two cells or more, of which most (or all) are numbers or time stamps."""
     count = sum(is_number(cell) or is_stamp(cell) for cell in cells)
     return len(cells) >= 2 and (count == len(cells) if all_of_them else 2 * count > len(cells))
 
 
 def _is_units(cells: Sequence[str]) -> bool:
-    """Whether at least half of the cells that are not empty are units."""
+    """Whether at least half of the non-empty cells are units."""
     filled = [cell for cell in cells if cell]
     usual = [
         cell
@@ -230,7 +230,7 @@ def _is_units(cells: Sequence[str]) -> bool:
 
 
 def split(line: str, separator: str) -> list[str]:
-    """Cells of one line, stripped; blanks within brackets separate nothing."""
+    """Return the stripped cells of a line; blanks within brackets do not separate cells."""
     if separator == BLANK:
         cells = re.findall(
             r"[^\s\[(\"]+(?:\s{0,9}\[[^\[\]]{0,99}\]|\s{0,9}\([^()]{0,99}\))?|\"[^\"]*\"|\S+", line
@@ -243,7 +243,7 @@ def split(line: str, separator: str) -> list[str]:
 
 
 def header_separator(header: str) -> str:
-    """The separator that occurs most often in a header, outside units and quotes."""
+    """Return the separator that occurs most often in a header, outside units and quotes."""
     bare = re.sub(r"\[[^\[\]]*\]|\([^()]*\)|\"[^\"]*\"", "", header)
     return max(",;\t|", key=bare.count)
 
@@ -253,11 +253,11 @@ def _layout(
     header: _Line,
     units: _Line | None,
     separator: str,
-    first_row: tuple[int, int],  # its line, and where that begins
+    first_row: tuple[int, int],  # its line number, and its offset in bytes
 ) -> Layout:
-    """The layout with these parts, whose names are checked."""
+    """Return the layout with these parts; raise if the names are unusable."""
     _check_quotes(header)
-    if not header.cells:  # the csv module gives up
+    if not header.cells:  # the csv module cannot read the line
         raise header.refusal("the header cannot be read: write shorter column names")
     names = [name or f"unnamed {number}" for number, name in enumerate(header.cells, start=1)]
     if all(map(is_number, names)):
@@ -267,7 +267,7 @@ def _layout(
         raise header.refusal(f"{reason}, and numbers alone below it")
     if units is not None:
         below = [_LABEL.sub("", cell) for cell in units.cells]
-        label = below[0] if "unit" in below[0].lower() else ""  # of the row, as Y_Unit_Label
+        label = below[0] if "unit" in below[0].lower() else ""  # label of the row, as Y_Unit_Label
         below = ["" if cell == label else cell for cell in below]
         names = [_with_unit(units, *pair) for pair in zip(names, below, strict=True)]
     if len({*names}) < len(names):
@@ -281,7 +281,7 @@ def _layout(
     names = [own if (own := f"{name} #{n}") in again else name for n, name in enumerate(names, 1)]
     skipped = {}
     for begin, end, why in (
-        (0, header.number, f"the column names stand in line {header.number}"),
+        (0, header.number, f"the column names are in line {header.number}"),
         (header.number, first_row[0], f"the numbers begin in line {first_row[0]}"),
     ):
         own = [line for line in lines if begin < line.number < end and line is not units]
@@ -292,7 +292,7 @@ def _layout(
 
 
 def _grouped(lines: list[_Line], header: _Line, names: list[str]) -> list[str]:
-    """Names that repeat, each behind that of its group, where a line above names all of these."""
+    """Repeated names, each prefixed by its group if a line above names the groups."""
     above = [line.cells for line in lines if line.number < header.number]
     fitting = [cells for cells in above if len(cells) == len(names) and not _is_row(cells)]
     if not fitting:
@@ -306,7 +306,7 @@ def _grouped(lines: list[_Line], header: _Line, names: list[str]) -> list[str]:
 
 
 def _with_unit(line: _Line, name: str, unit: str) -> str:
-    """A name with the unit that stands below it."""
+    """A name with the unit from the row below it; raise if its own unit differs."""
     unit = re.sub(r"^[\[(](.*)[\])]$", r"\1", unit).strip()
     if unit in ("", "-"):
         return name

@@ -1,4 +1,4 @@
-"""Names of columns: their words in several languages, their units, and the channels they mean."""
+"""Recognition of channels by the names of columns, in several languages, with their units."""
 
 import difflib
 import re
@@ -14,20 +14,20 @@ from flexid.recording.units import is_usual, quantity_of, unit_of_word
 
 _WORDS = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 QUANTITIES, SIDES = _WORDS["quantities"], _WORDS["sides"]
-CLEAR_SIDES = {"motor", "rotor", "link", "load"}  # also as a part of a path, or with a unit
-_SAID = {*CLEAR_SIDES, "joint"}  # with a unit of a position
-# A row's number, any input, a speed, a number, a belt's tension.
+CLEAR_SIDES = {"motor", "rotor", "link", "load"}  # sides even as a part of a path, or with a unit
+_SIDE_WORDS = {*CLEAR_SIDES, "joint"}  # name a quantity together with its unit
+# Without a unit these may be a row number, any input, a speed, a count, or a belt's tension.
 _NEED_UNIT = {"i", "u", "v", "w", "n", "tension", "par"}
 _ENGLISH = {"position", "pos", "angle", "ang", "velocity", "vel", "speed", "torque", "current"}
-_BESIDE = r"[\s_.,:;/\\$|{}()\[\]<>'\"-]*"  # what may stand between words
+_BETWEEN = r"[\s_.,:;/\\$|{}()\[\]<>'\"-]*"  # characters allowed between words
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[A-Z]|\d+|[^\W\d_a-zA-Z]+")
-_SHORTEST_PART = 3  # letters of a word within a longer one, of which Chinese has two
-_WITH_SIDE = {"q", "theta", "phi", "tau", "pos", "dq", "qd"}  # also as qm and ql
-_LONGEST_WORD = 40  # letters of a word that is taken apart
-_ACCENTED = "aceinouACEINOU"  # letters whose accents say nothing: a point above is a derivative
+_SHORTEST_PART = 3  # letters of a word within a longer one; two in Chinese
+_WITH_SIDE = {"q", "theta", "phi", "tau", "pos", "dq", "qd"}  # symbols before m or l: qm, ql
+_LONGEST_WORD = 40  # letters of a compound that is split
+_ACCENTED = "aceinouACEINOU"  # letters whose accents are dropped, but not a dot (a derivative)
 
 
-LONGEST = 200  # characters of a name that is looked into
+LONGEST = 200  # characters of a name that is parsed
 _KINDS = {
     word: kind
     for table in _WORDS.values()
@@ -37,19 +37,19 @@ _KINDS = {
 
 
 class Words(NamedTuple):
-    """What the words of a name say."""
+    """Words of a name and their meaning."""
 
     all: tuple[str, ...]
     quantities: tuple[str, ...]
     sides: frozenset[str]
-    needs_unit: bool  # whether another thing is called so, too
-    others: tuple[str, ...]  # that say nothing known
-    commanded: bool  # whether it was asked for, and not measured
+    needs_unit: bool  # whether the name is ambiguous without a unit
+    others: tuple[str, ...]  # unknown words
+    commanded: bool  # whether it is a command instead of a measurement
 
 
 @cache
 def words_of(name: str) -> Words | None:
-    """The words of a name; None where a character belongs to no word, or where it is very long.
+    """Return the words of a name; None if it has an unexpected character or is too long.
 
     >>> words_of("Abtriebswinkel").quantities, [*words_of("θ_m").sides], words_of("torque %")
     (('position',), ['motor'], None)
@@ -58,11 +58,11 @@ def words_of(name: str) -> Words | None:
         return None
     plain = "".join(map(_letter, unicodedata.normalize("NFC", name)))
     plain = re.sub(r"(?i)(?<![a-z])i_q(?![a-z])", "iq", plain)
-    if plain.lstrip().startswith("-") or not re.fullmatch(_BESIDE, _WORD.sub("", plain)):
+    if plain.lstrip().startswith("-") or not re.fullmatch(_BETWEEN, _WORD.sub("", plain)):
         return None
     words = tuple(part for word in _WORD.findall(plain) for part in _parts(word.lower()))
     kinds = [
-        # The last position is that of the sample before, not of a Last.
+        # In "last position" the word is English, not the German word for a load.
         "" if word == "last" and after in _ENGLISH else _KINDS.get(word, "")
         for word, after in zip(words, (*words[1:], ""), strict=False)
     ]
@@ -81,10 +81,10 @@ def words_of(name: str) -> Words | None:
 
 
 def _letter(letter: str) -> str:
-    """A letter in Latin: a Greek one spelled out, others without accents, brackets not wide."""
+    """A letter in plain Latin: Greek spelled out, accents dropped, full-width forms narrowed."""
     if letter.isascii():
         return letter
-    if "\uff00" <= letter <= "\uffef":  # as wide as a Chinese one
+    if "\uff00" <= letter <= "\uffef":  # full-width forms
         return unicodedata.normalize("NFKC", letter)
     called = unicodedata.name(letter, "")
     if re.fullmatch("GREEK (SMALL|CAPITAL) LETTER [A-Z]+", called):
@@ -95,14 +95,14 @@ def _letter(letter: str) -> str:
 
 
 def _parts(word: str) -> tuple[str, ...]:
-    """The words that a longer one is made of; itself where it is not."""
+    """Words that a compound consists of; the word itself if it is none."""
     if word[:-1] in _WITH_SIDE and word[-1] in "ml" and word not in _KINDS:
         return word[:-1], word[-1]
     return (len(word) <= _LONGEST_WORD and _known_parts(word)) or (word,)
 
 
 def _known_parts(word: str) -> tuple[str, ...]:
-    """Known words that a word consists of, with an s between two; empty where it does not."""
+    """Known words that form a compound, perhaps joined by an s; empty if they do not."""
     if word in _KINDS:
         return (word,)
     shortest = _SHORTEST_PART if word.isascii() else 2
@@ -117,29 +117,29 @@ def _known_parts(word: str) -> tuple[str, ...]:
 
 MOST_TIMES = 3  # in a message
 _TIMES = ("s", "ms", "us", "ns")
-_FEWEST_NAMES = 3  # of quantities, whose common words say nothing
-_SYMBOL = 4  # letters, up to which a unit may be another word
-_NARROW = str.maketrans(  # brackets as wide as a Chinese letter, and blanks that do not break
+_FEWEST_NAMES = 3  # names with a quantity; a word that all of them share is ignored
+_LONGEST_SYMBOL = 4  # letters; a longer name of a time unit is a time column
+_NARROW = str.maketrans(  # full-width brackets and no-break spaces
     "（）［］【】｛｝＜＞\u00a0\u202f", "()[][]{}<>  "
 )
-_SPOKEN_UNIT = re.compile(r"(.*?[^\s/,:])(?:\s+/\s*|\s*,\s*|\s*:\s*|\s+in\s+)([^\s\d][^,:]{0,23})")
-_LAST_WORDS = re.compile(r"[\s_.\-/]+|(?<=[a-z])(?=[A-Z])")
-_PARTING = re.compile(r"[/.](?=[^\s\d])")  # of the parts of a path
-_MOST_PARTS = 8  # of a path that are looked at for its shortest end
+_BARE_UNIT = re.compile(r"(.*?[^\s/,:])(?:\s+/\s*|\s*,\s*|\s*:\s*|\s+in\s+)([^\s\d][^,:]{0,23})")
+_WORD_BREAK = re.compile(r"[\s_.\-/]+|(?<=[a-z])(?=[A-Z])")
+_PATHSEP = re.compile(r"[/.](?=[^\s\d])")
+_MOST_PARTS = 8  # of a path in its shortest end
 _INPUTS = ("torque", "force", "current", "voltage")
 _SPEED = ("velocity",)
-# Symbols of what their unit says.
+# Symbols for several quantities, of which the unit selects one.
 _BY_UNIT = {"u": _INPUTS, "v": ("voltage", "velocity"), "w": _SPEED, "n": _SPEED}
 _JOINT_NUMBER = re.compile(r"(?:(?:joint|jnt|j|axis|axe|achse|asse|gelenk|a) )?(\d{1,2})")
 
 
 class Usual(NamedTuple):
-    """What a column holds by a usual name."""
+    """Meaning of a column with a common name."""
 
-    channel: str  # without a side, "position", "velocity" or "torque"
-    unit: str | None  # in the name
-    joint: str = ""  # the number of the joint, where the name has one
-    commanded: bool = False  # an input that was asked for, and not measured
+    channel: str  # "position", "velocity" or "torque" if the name has no side
+    unit: str | None  # as stated in the name
+    joint: str = ""  # number of the joint in the name, if any
+    commanded: bool = False  # whether it is a commanded input instead of a measured one
 
 
 @cache
@@ -165,31 +165,31 @@ def split_header(header: str) -> tuple[str, str | None]:
     match = re.fullmatch(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\)|\{([^{}]*)\}|<([^<>]*)>)", header)
     if match is not None:
         unit = next(group for group in match.groups()[1:] if group is not None).strip()
-        # Words may say the side of the joint, or how it was measured; [m] is no motor's.
+        # Words in brackets may name a side of the joint; [m] is the unit.
         words = words_of(unit) if len(unit) > 1 else None
         is_side = words is not None and words.all and not (words.others or words.quantities)
         if re.fullmatch(r"[\d:, ]+", unit) or is_side:
             return header, None
-        return match[1].strip(), None if unit == "t" else unit  # as q(t), a function of time
-    match = _SPOKEN_UNIT.fullmatch(header)
+        return match[1].strip(), None if unit == "t" else unit  # q(t) is a function of time
+    match = _BARE_UNIT.fullmatch(header)
     if match is not None and unit_of_word(match[2]) is not None:
         return match[1].strip(), match[2]
     return header, None
 
 
 def folded(name: str) -> str:
-    """A name in lower case, its words joined by underscores."""
+    """Return a name in lower case, with its words joined by underscores."""
     return re.sub(r"[\s.\-]+", "_", name.casefold())
 
 
 def usual_channel(header: str) -> Usual | None:
-    """The channel that a column holds by a usual name, in the only joint."""
+    """Return the channel that a common name indicates; None if it numbers its joint."""
     found = named_channel(header)
     return None if found is None or found.joint else found
 
 
 def named_channel(header: str, ignored: frozenset[str] = frozenset()) -> Usual | None:
-    """The same, of a joint that has a number, too; some words say nothing."""
+    """Return the channel that a common name indicates, of any joint, without `ignored` words."""
     for stem, unit in _stems_and_units(header):
         words = words_of(stem)
         found = None if words is None else _channel(words, unit, ignored)
@@ -199,7 +199,7 @@ def named_channel(header: str, ignored: frozenset[str] = frozenset()) -> Usual |
 
 
 def common_words(headers: Iterable[str]) -> frozenset[str]:
-    """Unknown words that stand in the names of all quantities but the time, so say nothing.
+    """Return the unknown words that the names of all quantities except the time share.
 
     >>> [*common_words(["n", "rig_q_m", "rig_q_l", "rig_tau"])], [*common_words(["a_q", "q_l"])]
     (['rig'], [])
@@ -208,7 +208,7 @@ def common_words(headers: Iterable[str]) -> frozenset[str]:
     for header in headers:
         stem, unit = split_header(header)
         words = words_of(stem)
-        if words is None or (words.needs_unit and unit is None):  # as n, which numbers the rows
+        if words is None or (words.needs_unit and unit is None):  # such as n, a row number
             continue
         if {*words.quantities} - {"time"}:
             found.append({word for word in words.others if not word.isdigit()})
@@ -216,12 +216,12 @@ def common_words(headers: Iterable[str]) -> frozenset[str]:
 
 
 def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual | None:
-    """The channel that words and a unit stand for."""
-    if unit is None and len(words.all) == 1 and len(words.all[0]) > _SYMBOL:  # as seconds
+    """Channel that the words of a name and its unit indicate; None if there is none."""
+    if unit is None and len(words.all) == 1 and len(words.all[0]) > _LONGEST_SYMBOL:  # as seconds
         named = unit_of_word(words.all[0])
         if named in _TIMES:
             return Usual("time", named)
-    if words.all == ("x", "value"):  # of LabVIEW
+    if words.all == ("x", "value"):  # name of the time in LabVIEW
         return Usual("time", unit)
     others = " ".join(word for word in words.others if word not in ignored)
     joint = _JOINT_NUMBER.fullmatch(others)
@@ -230,16 +230,16 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
     number = joint[1] if joint else ""
     sides = words.sides - {"joint"}
     of_joint = "joint" in words.sides and not sides
-    is_time = {*words.quantities} == {"time"}  # as time t, below a row of groups
+    is_time = {*words.quantities} == {"time"}  # such as "time t", joined to a group
     quantities = words.quantities[:1] if is_time else words.quantities
-    if {*quantities} == {"deflection", "position"}:  # as torsion angle
+    if {*quantities} == {"deflection", "position"}:  # such as "torsion angle"
         quantities = ("deflection",)
     is_encoder = not {"enc", "encoder"}.isdisjoint(words.all)
-    if not quantities and words.sides and (is_encoder or not _SAID.isdisjoint(words.all)):
+    if not quantities and words.sides and (is_encoder or not _SIDE_WORDS.isdisjoint(words.all)):
         measured = quantity_of(unit) if unit else "position" if is_encoder else None
-        if of_joint and measured != "position":  # a torque there may be the spring's
+        if of_joint and measured != "position":  # a torque at a joint may be the spring's
             measured = None
-        quantities = (measured,) if measured else ()  # as Motor [deg]
+        quantities = (measured,) if measured else ()  # such as "Motor [deg]"
     if len(quantities) != 1 or len(sides) > 1:
         return None
     quantity, side = quantities[0], next(iter(sides), None)
@@ -256,20 +256,20 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
     if quantity in _INPUTS:
         if side == "link":
             return None
-        # What a sensor in the joint measures is the spring's torque, not the motor's.
+        # A torque sensor in the joint measures the spring's torque, not the motor's.
         is_apart = quantity == "torque" and (of_joint or "sensor" in words.all) and not number
         name = "torque" if is_apart else f"motor_{quantity}"
         if quantity == "force":
             name, unit = "force", unit or "N"
         return Usual(name, unit, number, words.commanded)
-    if quantity == "deflection":  # a link may bend, and a strain gauge shows it in another unit
+    if quantity == "deflection":  # the bending of a link, or a strain, is in another unit
         is_angle = unit is None or quantity_of(unit) == "position"
         return Usual(quantity, unit, number) if is_angle and not side else None
     return Usual(f"{side}_{quantity}" if side else quantity, unit, number)
 
 
 def _stems_and_units(header: str) -> Iterator[tuple[str, str | None]]:
-    """Ways to part a name from the unit in brackets, behind an underscore, or as its last word."""
+    """Yield ways to split a name from its unit: in brackets, or as the last word."""
     bare, unit = split_header(header)
     if unit is not None:
         yield bare, unit
@@ -279,7 +279,7 @@ def _stems_and_units(header: str) -> Iterator[tuple[str, str | None]]:
     if first is not None:  # [deg] link_position
         yield first[2], first[1]
         return
-    for match in _LAST_WORDS.finditer(bare):
+    for match in _WORD_BREAK.finditer(bare):
         found = _unit_at_end(bare, match.end())
         if match.start() and found is not None and not _is_letter(bare[: match.start()], found):
             yield bare[: match.start()], found
@@ -287,14 +287,14 @@ def _stems_and_units(header: str) -> Iterator[tuple[str, str | None]]:
 
 
 def _is_letter(stem: str, unit: str) -> bool:
-    """Whether a unit of one letter is an encoder's, as in POS_A beside POS_B."""
+    """Whether a unit of one letter labels an encoder, as the A in POS_A."""
     words = words_of(stem)
     is_position = words is not None and words.quantities == ("position",)
     return is_position and len(unit) == 1 and quantity_of(unit) not in (None, "position")
 
 
 def _unit_at_end(name: str, start: int) -> str | None:
-    """The unit that the end of a name is: of capitals in small ones, as of a word in camel case."""
+    """Unit that the end of a name spells, also in capitals or in camel case."""
     word = name[start:]
     spellings = [word]
     if name.isupper():
@@ -305,14 +305,14 @@ def _unit_at_end(name: str, start: int) -> str | None:
 
 
 def shortest_ends(paths: Iterable[str]) -> dict[str, str]:
-    """By path, its shortest end that no other path has and that leaves no side of the joint out.
+    """Return for each path its shortest unique end that keeps the side of the joint.
 
     >>> ends = shortest_ends(["log/time", "log/motor/effort", "log/q_link", "speed_rad/s"])
     >>> [*ends.values()]
     ['time', 'motor/effort', 'q_link', 'speed_rad/s']
     """
     bare = {path: split_header(path)[0] for path in paths}
-    starts = {path: [0, *(m.end() for m in _PARTING.finditer(name))] for path, name in bare.items()}
+    starts = {path: [0, *(m.end() for m in _PATHSEP.finditer(name))] for path, name in bare.items()}
     ends: dict[str, str] = {}
     for count in range(1, _MOST_PARTS + 1):
         begins = {path: at[max(0, len(at) - count)] for path, at in starts.items()}
@@ -324,41 +324,41 @@ def shortest_ends(paths: Iterable[str]) -> dict[str, str]:
                 ends.setdefault(path, path[begin:])
     for path, end in ends.items():
         if usual_channel(end) is None and usual_channel(path) is not None:
-            ends[path] = path  # all of it alone is a usual name
+            ends[path] = path  # only the whole path is a common name
     return {path: ends.get(path, path) for path in starts}
 
 
 def _leaves_side_out(end: str, parent: str) -> bool:
-    """Whether an end names a quantity that either side has, and the part before it a side."""
+    """Whether an end of a path names a quantity without a side, and the part before it a side."""
     found = usual_channel(end)
     is_open = found is not None and found[0] in ("position", "velocity", "motor_torque")
     return is_open and not CLEAR_SIDES.isdisjoint(re.findall("[a-z]+", parent.casefold()))
 
 
 def nearest_name(word: str, candidates: Iterable[str]) -> str:
-    """A question in brackets that names the candidate closest to a word; empty if none is."""
+    """Return "(did you mean …?)" with the candidate closest to a word; empty if none is close."""
     by_lower = {name.lower(): name for name in candidates if len(name) <= LONGEST}
     close = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.75)
     return f" (did you mean {by_lower[close[0]]!r}?)" if close else ""
 
 
 def quoted(names: Iterable[str]) -> str:
-    """Names between quotation marks, as many and as much of them as one can read."""
+    """Return names in quotation marks for a message, shortened to 20 names of 60 characters."""
     return first_of([repr(cut(name)) for name in names])
 
 
 def cut(name: str, longest: int = 60) -> str:
-    """As much of a name as one can read."""
+    """Return a name shortened to `longest` characters."""
     return name if len(name) <= longest else name[: longest - 3] + "..."
 
 
 def first_of(items: list[str]) -> str:
-    """As many items as one can read, in one line."""
+    """Return the first 20 items in one line, and how many more there are."""
     shown = items if len(items) <= 20 else [*items[:20], f"and {len(items) - 20} more"]
     return ", ".join(shown)
 
 
 def first_times(times: Sequence[str], count: int = 0) -> str:
-    """The first three times, and how many more there are of `count`, or of these."""
+    """Return the first three times, and how many more there are in all (`count` if larger)."""
     more = max(count, len(times)) - MOST_TIMES
     return ", ".join(times[:MOST_TIMES]) + (f" and {more} more times" if more > 0 else "")

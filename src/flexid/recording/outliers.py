@@ -1,12 +1,12 @@
-"""Single samples that no motion explains: spikes of an encoder, and samples that are lost.
+"""Correction of spikes of an encoder, and of lost samples.
 
-Spikes: a sample is compared with the cubic through its four neighbours. What differs by much more
-than noise while all around it is calm is no motion.
+Spikes: a sample is compared with the cubic through its four neighbours. If it differs by much more
+than the noise, while the motion around it is smooth, it is a spike.
 
-Lost samples: where the time was counted from the samples that are there, every position advances by
-one more step than around it. What the steps around speak for, with and without samples lost, is
-learnt from the log itself by least squares; both are compared by their likelihood for all positions
-together.
+Lost samples: if the time was counted from the remaining samples, all positions advance there by
+whole steps too many. Two models predict each step from the steps around it, with and without lost
+samples. They are fitted to the log by least squares, and compared by their likelihoods for all
+positions together.
 """
 
 from collections.abc import Sequence
@@ -30,26 +30,26 @@ from flexid.recording.sampling import (
 )
 from flexid.recording.velocities import position_noise
 
-_NEAR = 4  # steps on either side
-_MOST_LOST = 3  # samples in one place; a longer gap is a gap
-_CLEAR = 10.0  # of the logarithm of the likelihoods' ratio: a chance of 1 in 20 000
-_LEAST_SHARE = 4.0  # times as many places as there are where a step seems to be one too many
-_LEAST_SPEED = 0.3  # of the usual one, where samples are lost: they are lost at any speed
-_LEAST_EXPLAINED = 0.75  # of the places, where samples were lost and nothing else happened
-_LEFT_OVER = 0.05  # of an error's square that a loss leaves at most, beyond what is by chance
-_BY_CHANCE = 10.0  # square of an error over its variance
-_NEARBY = 200  # steps, of which few are over lost samples
-_PASSES = 8  # over the log: a place hides those next to it
-_TRIMS, _TRIMMED = 4, 5.0  # rounds of learning without steps that are off by so many deviations
-_FEWEST_WINDOWS = 60  # for each channel: several times as many as there are weights
-_MOST_WINDOWS = 5_000  # learnt from: more make it slower and no better
-_ALIKE = 1e-10  # singular values over the largest, and errors over steps, that count as none
-FEWEST_PLACES = 3  # where samples are lost: fewer change next to nothing
-_SHORTEST_PART = 2.0  # s between losses that the clock shows: a log of longer parts is cut instead
+_NEAR = 4  # neighbouring steps on either side
+_MOST_LOST = 3  # samples in one place; more are treated as a gap
+_CLEAR = 10.0  # threshold of the log-likelihood ratio: a chance of 1 in 20 000
+_LEAST_SHARE = 4.0  # least number of places with lost samples over those with a step too few
+_LEAST_SPEED = 0.3  # median speed at lost samples over the mean: losses occur at any speed
+_LEAST_EXPLAINED = 0.75  # share of places whose error a loss explains completely
+_LEFT_OVER = 0.05  # share of a squared error that a loss may leave, in addition to chance
+_BY_CHANCE = 10.0  # squared error over its variance
+_NEARBY = 200  # steps of a neighbourhood, most of which are without a loss
+_PASSES = 8  # over the log: a loss hides others nearby
+_TRIMS, _TRIMMED = 4, 5.0  # rounds of robust fitting; outliers in standard deviations
+_FEWEST_WINDOWS = 60  # for each channel, several times the number of weights
+_MOST_WINDOWS = 5_000  # for a fit: more make it slower, but no better
+_NEGLIGIBLE = 1e-10  # relative singular values, and errors over steps, that count as zero
+FEWEST_PLACES = 3  # with lost samples: fewer hardly change an estimate
+_SHORTEST_PART = 2.0  # s between losses in the time stamps: longer parts become recordings
 
 
 def lost_samples(positions: list[FloatArray], time: FloatArray) -> NDArray[np.int64]:
-    """How many samples are lost after each, shape (n - 1,); all 0 where nothing shows it."""
+    """Return the number of samples lost after each, shape (n - 1,), judged by the positions."""
     none = np.zeros(len(time) - 1, dtype=np.int64)
     steps = np.diff(time)
     is_counted = np.ptp(steps) <= EVEN * np.median(steps)
@@ -58,14 +58,14 @@ def lost_samples(positions: list[FloatArray], time: FloatArray) -> NDArray[np.in
     seen = np.column_stack(positions)
     lost = none
     for _ in range(_PASSES):
-        more, ratio = _likeliest(seen, lost)
+        more, ratio = _likeliest_losses(seen, lost)
         clear = ratio > _CLEAR
-        one_too_many = np.count_nonzero(lost) + np.count_nonzero(clear & (more > 0))
-        # Where the motion itself makes steps uneven it stops as often as it doubles.
+        lossy_places = np.count_nonzero(lost) + np.count_nonzero(clear & (more > 0))
+        # A motion that itself has uneven steps also has too short ones.
         least = max(FEWEST_PLACES, _LEAST_SHARE * np.count_nonzero(clear & (more < 0)))
-        if one_too_many < least:
+        if lossy_places < least:
             return none
-        # A loss spoils the windows around it, so that the clearest of them goes first.
+        # A loss disturbs the windows around it, so the clearest in a neighbourhood comes first.
         around = np.pad(ratio, _NEAR, mode="edge")
         clearest = ratio >= sliding_window_view(around, 2 * _NEAR + 1).max(axis=1)
         added = np.where(clear & clearest & (more > 0), more, 0)
@@ -75,7 +75,7 @@ def lost_samples(positions: list[FloatArray], time: FloatArray) -> NDArray[np.in
         if _windows_without(lost) < _FEWEST_WINDOWS * len(positions):
             return none
     explained = lost * _explained(seen, lost)
-    # Friction bends a motion where it turns round: samples are lost at any speed.
+    # Friction disturbs a motion at reversals only, but samples are lost at any speed.
     speeds = np.abs(np.diff(seen, axis=0))
     speeds = np.mean(speeds / (speeds.mean(axis=0) + np.finfo(float).tiny), axis=1)
     if explained.any() and not np.median(speeds[explained > 0]) > _LEAST_SPEED:
@@ -85,32 +85,32 @@ def lost_samples(positions: list[FloatArray], time: FloatArray) -> NDArray[np.in
 
 
 def _windows_without(lost: NDArray[np.int64]) -> int:
-    """How many windows there are, as long as any that is learnt from, in which nothing is lost."""
+    """Number of windows without lost samples, of the greatest length that a fit uses."""
     gone = np.cumsum(np.concatenate(([0], lost > 0)))
     length = 2 * _NEAR + _MOST_LOST + 1
     return int(np.count_nonzero(gone[length:] == gone[:-length]))
 
 
 def lost_by_the_clock(time: FloatArray) -> NDArray[np.int64]:
-    """How many samples are missing after each, shape (n - 1,), where they are few but often."""
+    """Return the number of samples missing by the stamps, shape (n - 1,); 0 if losses are rare."""
     steps = np.diff(time) / np.median(np.diff(time))
     whole = np.rint(steps)
     is_short = whole <= _MOST_LOST + 1
     off = np.abs(steps - whole)
     lost = np.where(is_short & (whole >= 2) & (off <= MOST_JITTER), whole - 1, 0).astype(np.int64)
     if np.mean(is_short & (off > 2.0 * MOST_JITTER)) > MOST_GAPS:
-        return np.zeros_like(lost)  # steps of any length: a late stamp, too, doubles some
+        return np.zeros_like(lost)  # late stamps also double some steps
     places = np.count_nonzero(lost)
-    # A cut loses no accuracy, interpolation a little: but a log in pieces shows no slow motion.
+    # Few gaps are cut, which is more accurate; but many short pieces show no slow motion.
     is_often = places >= FEWEST_PLACES and places * _SHORTEST_PART > time[-1] - time[0]
     return lost if is_often and np.mean(lost > 0) <= MOST_GAPS else np.zeros_like(lost)
 
 
-def counted_anew(time: FloatArray, positions: list[FloatArray]) -> FloatArray | None:
-    """Even times where a coarse clock, no loss, doubles some of the steps; None elsewhere.
+def even_times(time: FloatArray, positions: list[FloatArray]) -> FloatArray | None:
+    """Return even times if double steps come from a coarse clock instead of losses; else None.
 
-    Of 970 samples per second in whole milliseconds every 32nd step reads 2 ms. What the positions
-    do there decides; where they tell nothing, whether double steps recur evenly, as of rounding.
+    At 970 samples per second in whole milliseconds, every 32nd step is 2 ms. The positions decide.
+    If they are inconclusive, double steps that recur evenly count as rounding.
     """
     steps = np.diff(time) / np.median(np.diff(time))
     whole = np.maximum(np.rint(steps), 1.0)
@@ -123,17 +123,17 @@ def counted_anew(time: FloatArray, positions: list[FloatArray]) -> FloatArray | 
     is_gap = whole > _MOST_LOST + 1
     step = np.diff(time)[~is_gap].mean()
     number = np.cumsum(np.where(is_gap, np.rint(np.diff(time) / step), 1.0))
-    counted = _evenly(time, np.concatenate(([0.0], number)))
+    counted = _minimax_line(time, np.concatenate(([0.0], number)))
     recurs = np.ptp(time - counted) <= ROUNDED * np.median(np.diff(time))
     is_rounding = recurs and np.count_nonzero(doubled) >= FEWEST_PLACES
     return counted if evidence < -_CLEAR or is_rounding else None
 
 
-def _evenly(time: FloatArray, number: FloatArray) -> FloatArray:
-    """The line in the number of a sample from which its time is off by least, at most."""
+def _minimax_line(time: FloatArray, number: FloatArray) -> FloatArray:
+    """Minimax fit: the line in the sample number with the least largest distance from `time`."""
     step = (time[-1] - time[0]) / number[-1]
-    nearby = step * (1.0 + np.array([-2.0, 2.0]) / number[-1])  # times are off by a step at most
-    # Slow to import, and few clocks are coarse.
+    nearby = step * (1.0 + np.array([-2.0, 2.0]) / number[-1])  # times err by a step at most
+    # Imported here because it is slow and rarely needed.
     from scipy.optimize import minimize_scalar
 
     found: Any = minimize_scalar(
@@ -144,57 +144,57 @@ def _evenly(time: FloatArray, number: FloatArray) -> FloatArray:
 
 
 def _evidence_of_losses(positions: FloatArray, suspected: NDArray[np.bool_]) -> float:
-    """Logarithm of how much likelier a lost sample in each of these steps is than none."""
+    """Log-likelihood ratio of one lost sample in all suspected steps against none."""
     steps = np.diff(positions, axis=0)
     places = np.flatnonzero(suspected)
     places = places[(places >= _NEAR) & (places < len(steps) - _NEAR)]
     if _windows_without(suspected.astype(np.int64)) < _FEWEST_WINDOWS * steps.shape[1]:
         return 0.0
-    neighbours, own = _around(steps, places, 0)
-    none, one = (_Interpolator.learnt(steps, ~suspected, count) for count in (0, 1))
-    each = none.surprise(neighbours, own) - one.surprise(neighbours, own)
-    return float(np.clip(each, -_CLEAR, _CLEAR).sum())  # no single shock decides
+    neighbours, own = _step_windows(steps, places, 0)
+    none, one = (_Interpolator.fitted(steps, ~suspected, count) for count in (0, 1))
+    each = none.nll(neighbours, own) - one.nll(neighbours, own)
+    return float(np.clip(each, -_CLEAR, _CLEAR).sum())  # limits the influence of a single shock
 
 
-def counted_on(time: FloatArray, lost: NDArray[np.int64], *, is_span: bool) -> FloatArray:
-    """The time of all samples where it was counted: its span is right, or its step."""
+def all_times(time: FloatArray, lost: NDArray[np.int64], *, is_span: bool) -> FloatArray:
+    """Return even times of all samples; either the span of `time` is right, or its step."""
     count = len(time) + int(lost.sum())
     step = (time[-1] - time[0]) / ((count if is_span else len(time)) - 1)
     return time[0] + step * np.arange(count)
 
 
-def _kept(lost: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Places of the samples that are there among all."""
+def _logged_indices(lost: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Indices of the logged samples among all, including the lost ones."""
     return np.concatenate(([0], np.cumsum(1 + lost)))
 
 
-def _likeliest(
+def _likeliest_losses(
     positions: FloatArray, lost: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], FloatArray]:
-    """Samples lost at each step, and how much more likely that is than none; -1: a step missing."""
+    """Likeliest number of lost samples by step (-1: no motion), and log-likelihood ratio to 0."""
     steps, whole, firsts = _steps(positions, lost)
     tested = np.flatnonzero((firsts >= _NEAR) & (firsts < len(steps) - _NEAR) & (lost == 0))
-    plain = _Interpolator.learnt(steps, whole, 0)
-    off = plain.squares(*_around(steps, firsts[tested], 0))
-    usual = _usual(off, steps.shape[1])
-    unlikely = off > 2.0 * _CLEAR * usual  # the others are likely as they are
+    plain = _Interpolator.fitted(steps, whole, 0)
+    off = plain.squares(*_step_windows(steps, firsts[tested], 0))
+    usual = _local_inflation(off, steps.shape[1])
+    unlikely = off > 2.0 * _CLEAR * usual  # only these can exceed the threshold
     tested, usual = tested[unlikely], usual[unlikely]
     number, ratio = np.zeros_like(lost), np.full(len(lost), -np.inf)
     if len(tested):
-        neighbours, own = _around(steps, firsts[tested], 0)
-        others = [_Interpolator.learnt(steps, whole, count) for count in range(1, _MOST_LOST + 1)]
-        found = [plain.surprise(0.0 * neighbours, own)]
-        found += [other.surprise(neighbours, own) for other in others]
-        ratios = plain.surprise(neighbours, own) - np.array(found)
+        neighbours, own = _step_windows(steps, firsts[tested], 0)
+        others = [_Interpolator.fitted(steps, whole, count) for count in range(1, _MOST_LOST + 1)]
+        found = [plain.nll(0.0 * neighbours, own)]
+        found += [other.nll(neighbours, own) for other in others]
+        ratios = plain.nll(neighbours, own) - np.array(found)
         best = np.argmax(ratios, axis=0)
         number[tested] = np.array([-1, *range(1, _MOST_LOST + 1)])[best]
         ratio[tested] = ratios[best, np.arange(len(best))] / usual
     return number, ratio
 
 
-def _usual(squares: FloatArray, channels: int) -> FloatArray:
-    """How much larger squares of errors are nearby than by chance, as in fast motion; 1 or more."""
-    by_chance = channels * (1.0 - 2.0 / (9.0 * channels)) ** 3  # median of their sum
+def _local_inflation(squares: FloatArray, channels: int) -> FloatArray:
+    """Local median of squared errors over its expected value, at least 1, as in fast motion."""
+    by_chance = channels * (1.0 - 2.0 / (9.0 * channels)) ** 3  # median of chi-squared
     parts = np.array_split(squares, max(1, len(squares) // _NEARBY))
     each = [
         np.full(len(part), max(1.0, np.median(part) / by_chance)) for part in parts if len(part)
@@ -203,13 +203,13 @@ def _usual(squares: FloatArray, channels: int) -> FloatArray:
 
 
 def _explained(positions: FloatArray, lost: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Where losses leave next to nothing of an error, shape (n - 1,): what hits a joint does."""
+    """Whether losses explain each error almost completely, shape (n - 1,), unlike a shock."""
     steps, whole, firsts = _steps(positions, lost)
     found = np.ones(len(lost), dtype=bool)
     for number in np.unique(lost[lost > 0]).tolist():
         inside = (firsts >= _NEAR) & (firsts < len(steps) - _NEAR - number) & (lost == number)
-        neighbours, own = _around(steps, firsts[inside], number)
-        lossy = _Interpolator.learnt(steps, whole, number)
+        neighbours, own = _step_windows(steps, firsts[inside], number)
+        lossy = _Interpolator.fitted(steps, whole, number)
         off = lossy.squares(neighbours / (number + 1.0), own)
         found[inside] = lossy.squares(neighbours, own) <= _BY_CHANCE + _LEFT_OVER * off
     return found
@@ -217,24 +217,24 @@ def _explained(positions: FloatArray, lost: NDArray[np.int64]) -> NDArray[np.boo
 
 @dataclass(frozen=True, eq=False)
 class _Interpolator:
-    """What steps of all positions together the steps around speak for, learnt from a log."""
+    """Prediction of the steps of all positions from the steps around them, fitted to a log."""
 
     weights: FloatArray  # (2 * _NEAR * channels + 1, channels)
-    root: FloatArray  # (channels, channels): Cholesky factor of its errors' covariance
+    root: FloatArray  # (channels, channels): Cholesky factor of the covariance of its errors
 
     @classmethod
-    def learnt(cls, steps: FloatArray, whole: NDArray[np.bool_], lost: int) -> "_Interpolator":
-        """That of a step over so many lost samples, from windows in which nothing was lost."""
+    def fitted(cls, steps: FloatArray, whole: NDArray[np.bool_], lost: int) -> "_Interpolator":
+        """Fit the prediction of a step over `lost` samples, from windows without losses."""
         last = len(steps) - _NEAR - lost
         count = min(last - _NEAR, _MOST_WINDOWS)
         firsts = np.unique(np.linspace(_NEAR, last - 1, count).astype(np.int64))
         gone = np.cumsum(np.concatenate(([0], ~whole)))
         firsts = firsts[gone[firsts + _NEAR + lost + 1] == gone[firsts - _NEAR]]
-        neighbours, sums = _around(steps, firsts, lost)
+        neighbours, sums = _step_windows(steps, firsts, lost)
         weights, kept = np.zeros((neighbours.shape[1], steps.shape[1])), np.full(len(sums), True)
         errors = sums
         for _ in range(_TRIMS):
-            weights = np.linalg.lstsq(neighbours[kept], sums[kept], rcond=_ALIKE)[0]
+            weights = np.linalg.lstsq(neighbours[kept], sums[kept], rcond=_NEGLIGIBLE)[0]
             errors = sums - neighbours @ weights
             usual = np.median(np.abs(errors[kept]), axis=0) / 0.6745 + np.finfo(float).tiny
             close = kept & (np.max(np.abs(errors) / usual, axis=1) < _TRIMMED)
@@ -242,26 +242,26 @@ class _Interpolator:
                 break
             kept = close
         left = errors[kept]
-        floor = _ALIKE * np.mean(steps**2, axis=0) + np.finfo(float).tiny
+        floor = _NEGLIGIBLE * np.mean(steps**2, axis=0) + np.finfo(float).tiny
         root = np.linalg.cholesky(left.T @ left / max(len(left), 1) + np.diag(floor))
         return cls(weights.astype(np.float64), root.astype(np.float64))
 
-    def surprise(self, neighbours: FloatArray, own: FloatArray) -> FloatArray:
-        """Minus the logarithm of each step's likelihood."""
+    def nll(self, neighbours: FloatArray, own: FloatArray) -> FloatArray:
+        """Return the negative log-likelihood of each step, up to a constant."""
         return 0.5 * self.squares(neighbours, own) + np.sum(np.log(np.diag(self.root)))
 
     def squares(self, neighbours: FloatArray, own: FloatArray) -> FloatArray:
-        """Squares of the errors of steps over their variance, shape (m,)."""
+        """Return the squared Mahalanobis norm of the error of each step, shape (m,)."""
         return np.sum(np.linalg.solve(self.root, (own - neighbours @ self.weights).T) ** 2, axis=0)
 
 
 def _steps(
     positions: FloatArray, lost: NDArray[np.int64]
 ) -> tuple[FloatArray, NDArray[np.bool_], NDArray[np.int64]]:
-    """Steps of a log with its losses put back, which of them were seen, and where each began."""
-    kept = _kept(lost)
+    """Steps with losses interpolated, whether each was logged, and indices of logged ones."""
+    kept = _logged_indices(lost)
     if lost.any():
-        from scipy.interpolate import CubicSpline  # half a second, and few logs lose samples
+        from scipy.interpolate import CubicSpline  # slow to import, rarely needed
 
         positions = CubicSpline(kept, positions)(np.arange(kept[-1] + 1))
     steps = np.diff(positions, axis=0)
@@ -269,10 +269,10 @@ def _steps(
     return steps, whole, kept[:-1]
 
 
-def _around(
+def _step_windows(
     steps: FloatArray, firsts: NDArray[np.int64], lost: int
 ) -> tuple[FloatArray, FloatArray]:
-    """The steps on either side of one that covers so many lost samples, a constant; that step."""
+    """Regressors (steps on either side and a constant) and the step over `lost` samples."""
     offsets, channels = [*range(-_NEAR, 0), *range(lost + 1, lost + 1 + _NEAR)], steps.shape[1]
     neighbours = np.ones((len(firsts), len(offsets) * channels + 1))
     for place, offset in enumerate(offsets):
@@ -283,25 +283,25 @@ def _around(
     return neighbours, own
 
 
-_OFF = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0  # what a cubic through the others leaves over
-_SPIKE = 20.0  # times the noise, by which a spike is off: 14 standard deviations
-_CALM = 0.4  # of a spike, up to which the motion around it bends; where it stops dead, more than 1
-_AROUND = 8  # samples on either side
-_AT_ONCE = 65_536  # places, as memory is limited: of a log without noise, all are looked at
-_MOST = 0.01  # share of spikes, up to which a channel is mended: more are no single errors
+_FROM_CUBIC = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0  # distance from the neighbours' cubic
+_SPIKE = 20.0  # least size of a spike over the noise: 14 standard deviations of the distance
+_CALM = 0.4  # largest second difference around a spike over its size; above 1 at a sudden stop
+_AROUND = 8  # samples on either side of a spike that must be smooth
+_AT_ONCE = 65_536  # places per batch, to limit memory: without noise all are candidates
+_MOST = 0.01  # largest share of spikes that are replaced: more are not single errors
 
 
 def mend(logs: Sequence[Draft]) -> None:
-    """Replace spikes of encoders, and put back samples that the joints of a file lost together."""
+    """Replace spikes of encoders, and interpolate samples that all joints of a file lost."""
     first = logs[0]
     if len(first.time) < 4 * _AROUND:
         return
     sensors = [(log, name) for log in logs for name in log.those_of(POSITIONS)]
-    with np.errstate(all="ignore"):  # of numbers that no check has refused yet
+    with np.errstate(all="ignore"):  # values are not yet checked
         for log, name in sensors:
             _mend_spikes(log, name)
         positions = [log[name] for log, name in sensors if np.ptp(log[name])]
-        counted = counted_anew(first.time, positions)
+        counted = even_times(first.time, positions)
         if counted is not None:
             digit, step = np.median(np.diff(first.time)), np.min(np.diff(counted))
             warn_rounded(first, "the time", float(digit), float(step), Rank.DATA)
@@ -320,7 +320,7 @@ def mend(logs: Sequence[Draft]) -> None:
             f"record without gaps",
             Rank.DATA,
         )
-        kept = _kept(missing)
+        kept = _logged_indices(missing)
         time = np.interp(np.arange(kept[-1] + 1), kept, time)
     elif np.count_nonzero(lost) >= FEWEST_PLACES:
         places, missing = np.flatnonzero(lost), lost
@@ -331,13 +331,13 @@ def mend(logs: Sequence[Draft]) -> None:
             f"the rest, so they were put back by interpolation: log the time of each sample",
             Rank.DATA,
         )
-        time = counted_on(time, lost, is_span=counted is not None)
+        time = all_times(time, lost, is_span=counted is not None)
     for log in logs:
         _put_back(log, missing, time)
 
 
 def _check_all_lost(logs: Sequence[Draft], time: FloatArray, lost: NDArray[np.int64]) -> None:
-    """Raise where one joint of several has lost samples that the others have not."""
+    """Raise if one joint of several has lost samples that the others have."""
     for log in logs if len(logs) > 1 else ():
         own = [log[name] for name in log.those_of(POSITIONS) if np.ptp(log[name])]
         places = np.flatnonzero(lost_samples(own, time) > lost)
@@ -350,11 +350,11 @@ def _check_all_lost(logs: Sequence[Draft], time: FloatArray, lost: NDArray[np.in
 
 
 def _put_back(log: Draft, lost: NDArray[np.int64], time: FloatArray) -> None:
-    """Put lost samples back, at the times of all: an input without overshoot, as it may step."""
+    """Interpolate lost samples at the times `time`; inputs without overshoot, as they may step."""
     log["time"] = time
     if not lost.any():
         return
-    kept = _kept(lost)
+    kept = _logged_indices(lost)
     every = np.arange(kept[-1] + 1.0)
     for name in log.names:
         there = log[name]
@@ -363,7 +363,7 @@ def _put_back(log: Draft, lost: NDArray[np.int64], time: FloatArray) -> None:
 
 
 def _mend_spikes(log: Draft, name: str) -> None:
-    """Replace the spikes of a position, where they are few."""
+    """Replace the spikes of a position if they are few."""
     values = log[name].copy()
     places, sizes = _spikes(values, ~are_gaps(log.time))
     if not 0 < len(places) <= max(1.0, _MOST * len(values)):
@@ -373,17 +373,17 @@ def _mend_spikes(log: Draft, name: str) -> None:
     single = "sample is" if len(places) == 1 else "samples are"
     log.warn(
         name,
-        f"{len(places)} {single} off the samples around by up to {np.abs(sizes).max():.2g} "
-        f"{log.channels[name].unit} (at {log.at(places)}), so a cubic through these was taken "
+        f"{len(places)} {single} off the neighbouring ones by up to {np.abs(sizes).max():.2g} "
+        f"{log.channels[name].unit} (at {log.at(places)}), so a cubic through those was taken "
         f"instead: check the sensor and its cable",
         Rank.DATA,
     )
 
 
 def _spikes(values: FloatArray, even: NDArray[np.bool_]) -> tuple[NDArray[np.int64], FloatArray]:
-    """Place and size of each sample that is off alone."""
+    """Indices and sizes of single samples that differ from their neighbours."""
     off = np.zeros(len(values))
-    off[2:-2] = np.convolve(values, _OFF, mode="valid")
+    off[2:-2] = np.convolve(values, _FROM_CUBIC, mode="valid")
     suspect = np.abs(off) > _SPIKE * position_noise(values)
     usual = values[~suspect]
     low, high = usual.min(initial=np.inf), usual.max(initial=-np.inf)
@@ -392,7 +392,7 @@ def _spikes(values: FloatArray, even: NDArray[np.bool_]) -> tuple[NDArray[np.int
     parts = np.array_split(places, 1 + len(places) // _AT_ONCE)
     is_alone = np.concatenate([_is_calm_around(values, part, off[part]) for part in parts])
     is_alone &= sliding_window_view(even, 4)[places - 2].all(axis=1)
-    # A counter that overflows may flicker from one end of its range to the other.
+    # A counter near its overflow may alternate between the ends of its range.
     is_within = (low <= values[places]) & (values[places] <= high)
     is_alone &= ~(is_within & (np.abs(sizes) > 0.5 * (high - low)))
     return places[is_alone], sizes[is_alone]
@@ -401,10 +401,10 @@ def _spikes(values: FloatArray, even: NDArray[np.bool_]) -> tuple[NDArray[np.int
 def _is_calm_around(
     values: FloatArray, places: NDArray[np.int64], sizes: FloatArray
 ) -> NDArray[np.bool_]:
-    """Whether the motion around each place bends little, but for a spike of this size."""
+    """Whether the motion around each place is smooth after a spike of this size is removed."""
     bends = np.diff(sliding_window_view(values, 2 * _AROUND + 1)[places - _AROUND], 2)
     bends = (bends - np.median(bends, axis=1)[:, None]) / np.abs(sizes)[:, None]
-    # Of a spike they are as 1, -2, 1; of a velocity that jumps they have one sign.
-    middle = _AROUND - 1  # the sample's own
+    # A spike has second differences as 1, -2, 1; a jump of the velocity has one sign.
+    middle = _AROUND - 1  # second difference centred on the sample
     bends[:, middle - 1 : middle + 2] -= np.outer(np.sign(sizes), [1.0, -2.0, 1.0])
     return ~(np.abs(bends).max(axis=1) > _CALM)

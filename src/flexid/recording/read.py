@@ -1,4 +1,4 @@
-"""From a log file to uniformly sampled recordings in SI units."""
+"""Reading of log files as uniformly sampled recordings in SI units."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexid.models.motion import JointType
 from flexid.readers.formats import format_of
 from flexid.recording import checks
 from flexid.recording.columns import read_channels
-from flexid.recording.directions import are_opposed, reversed_channels, turned
+from flexid.recording.directions import are_opposed, change_signs, reversed_channels
 from flexid.recording.outliers import mend
 from flexid.recording.recording import ENCODERS, INPUTS, VELOCITIES, Draft, Log, Rank, Recording
 from flexid.recording.sampling import (
@@ -38,22 +38,22 @@ if TYPE_CHECKING:
 
 
 def read_log(path: Path, columns: MapSource | None = None) -> Log:
-    """The log that a file holds, on an even time grid, with what was mended or looks odd."""
+    """Return the log in a file, on an even time grid, with warnings of repairs and oddities."""
     return log_of_table(table_of_file(path, columns), columns)
 
 
 def table_of_file(path: Path, columns: MapSource | None) -> Table:
-    """Columns of a log that a column map or their names choose, whatever its format."""
+    """Return the columns of a file of any format that a column map or their names select."""
     with closing(tables_of_file(path, columns, None)) as tables:
         return next(tables)
 
 
 def tables_of_file(path: Path, columns: MapSource | None, size: int | None) -> Generator[Table]:
-    """The same, of about so many rows at a time; damage is raised after the tables before it."""
+    """Yield the selected columns in tables of about `size` rows; raise where a file is damaged."""
     if format_of(path) is None:
         yield read_table(path)
         return
-    # Late: a text file needs neither a child process nor clocks that are brought together.
+    # Imported here, because text files need neither a child process nor resampling.
     from flexid.readers.guard import Reading
     from flexid.recording.series import Signals
 
@@ -62,13 +62,13 @@ def tables_of_file(path: Path, columns: MapSource | None, size: int | None) -> G
 
 
 def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
-    """As `read_log`, from a file's columns."""
+    """Return the log in the columns of a file, as `read_log` does."""
     return logs_of_joints([(table, columns)])[0]
 
 
 def logs_of_joints(parts: Sequence[tuple[Table, MapSource | None]]) -> list[Log]:
-    """The logs of several joints from their columns in one file: what one loses is lost to all."""
-    drafts = [_drafted(table, columns) for table, columns in parts]
+    """Return the logs of joints in one file; samples that one joint lacks are removed from all."""
+    drafts = [_draft_of(table, columns) for table, columns in parts]
     keep_common(drafts)
     mend(drafts)
     rest = [len(drafts) > 1 and checks.is_resting(draft) for draft in drafts]
@@ -79,8 +79,8 @@ def logs_of_joints(parts: Sequence[tuple[Table, MapSource | None]]) -> list[Log]
     ]
 
 
-def _drafted(table: Table, columns: MapSource | None) -> Draft:
-    """The channels of one joint, without samples that are repeated."""
+def _draft_of(table: Table, columns: MapSource | None) -> Draft:
+    """Channels of one joint, without repeated samples, holes and samples of stuck sensors."""
     channels, warnings = read_channels(table, columns)
     log = Draft(table.file, channels, [*dict.fromkeys(table.warnings + warnings)])
     checks.check_magnitude(log)
@@ -92,7 +92,7 @@ def _drafted(table: Table, columns: MapSource | None) -> Draft:
 
 
 def integrate_velocities(log: Draft) -> None:
-    """Positions that were not measured, from velocities that were."""
+    """Add positions that were not measured, as integrals of measured velocities."""
     for position, other in (ENCODERS, ENCODERS[::-1]):
         velocity = log.channels.get(name := position.replace("position", "velocity"))
         measured = {position} if position == "motor_position" else {position, "deflection"}
@@ -112,7 +112,7 @@ def integrate_velocities(log: Draft) -> None:
 
 
 def drop_holes(log: Draft) -> None:
-    """Leave out few rows with an empty cell; of many, each channel has a clock of its own."""
+    """Remove rows with empty cells if they are few; else resample the channels to one clock."""
     there = {name: ~np.isnan(log[name]) for name in log.names}
     unused = _sparse_velocities(there)
     if unused:
@@ -134,7 +134,7 @@ def drop_holes(log: Draft) -> None:
         )
         log.keep(whole)
         return
-    from flexid.recording.one_clock import Signal, on_one_clock  # few logs have several clocks
+    from flexid.recording.one_clock import Signal, on_one_clock  # rarely needed
 
     columns = {name: log.channels[name].column for name in there}
     stamps = {columns[name]: log.time[own] for name, own in there.items()}
@@ -153,7 +153,7 @@ def drop_holes(log: Draft) -> None:
 
 
 def _sparse_velocities(there: Mapping[str, NDArray[np.bool_]]) -> set[str]:
-    """Velocities that lack too many values in the rows that have all that is needed."""
+    """Velocities without a value in too many of the rows that have all other channels."""
     velocities = {name for name in VELOCITIES if name in there}
     needed = np.logical_and.reduce([own for name, own in there.items() if name not in velocities])
     most = MOST_GAPS * np.count_nonzero(needed)
@@ -165,7 +165,7 @@ def _sparse_velocities(there: Mapping[str, NDArray[np.bool_]]) -> set[str]:
 
 
 def _log_of(log: Draft, table: Table, grid: Grid, *, rests: bool, alone: bool) -> Log:
-    """Recordings on an even grid, of channels that make sense together."""
+    """Log on an even grid, after checks and corrections of its channels."""
     origins = {name: channel.origin for name, channel in log.channels.items()}
     if not rests:
         checks.drop_dead_inputs(log)
@@ -177,7 +177,7 @@ def _log_of(log: Draft, table: Table, grid: Grid, *, rests: bool, alone: bool) -
     recordings = _recordings_of(log, grid)
     backward: dict[str, None] = {}
     while not rests and (names := [*reversed_channels(log, _most_moved(recordings), alone=alone)]):
-        turned(log, names)
+        change_signs(log, names)
         _align(log, wrapped)
         _add_link_position(log)
         recordings = _recordings_of(log, grid)
@@ -202,12 +202,12 @@ def _recordings_of(log: Draft, grid: Grid) -> list[Recording]:
 
 
 def _most_moved(recordings: Sequence[Recording]) -> Recording:
-    """The recording that moves most: one that rests for longer says nothing."""
+    """Recording with the most motion, by the variance of the motor position times the length."""
     return max(recordings, key=lambda one: len(one) * float(np.var(one.motor_position)))
 
 
 def _check_each(log: Draft) -> None:
-    """Check each channel by itself; a side that a column map clamps need not move."""
+    """Check each channel separately; a side that a column map clamps may rest."""
     for name in log.names:
         if log.channels[name].origin.columns:
             checks.check_varies(log, name)
@@ -242,7 +242,7 @@ def _check_together(log: Draft) -> None:
 def _recording_of(
     log: Draft, sample_time: float, part: slice, *, resample: bool = False
 ) -> Recording:
-    """One recording of a log, interpolated to even times if asked to."""
+    """One part of a log as a recording, interpolated to even times if `resample`."""
     time = log.time[part]
     drive = next(iter(log.those_of(INPUTS)), "")
 
@@ -270,13 +270,13 @@ def _recording_of(
 
 
 TURN = 2.0 * np.pi  # rad
-_FEW_VALUES = 20  # a position of so few counts does not jump, it steps
+_FEW_VALUES = 20  # distinct values up to which large steps are due to a coarse encoder
 
 
 def unwrap(log: Draft) -> str:
-    """Make the positions of absolute encoders continuous, a turn apart at most.
+    """Unwrap the positions of absolute encoders, and align the two sides by whole turns.
 
-    Returns the last one that was wrapped; empty where none was.
+    Return the name of the last position that was unwrapped, or an empty text.
     """
     encoders = log.those_of(ENCODERS)
     wrapped = []
@@ -289,7 +289,7 @@ def unwrap(log: Draft) -> str:
 
 
 def _align(log: Draft, last: str) -> None:
-    """Move an encoder that wrapped by whole turns, to the other one: where it began is unknown."""
+    """Shift an unwrapped encoder by whole turns next to the other; its first turn is unknown."""
     if not last or len(log.those_of(ENCODERS)) < 2:
         return
     (other,) = {*ENCODERS} - {last}
@@ -298,7 +298,7 @@ def _align(log: Draft, last: str) -> None:
 
 
 def _unwrap(log: Draft, name: str) -> bool:
-    """Whether a position jumped by turns, which it then does no more; raise for other jumps."""
+    """Unwrap a position; return whether it had jumps by a turn, and raise for other jumps."""
     channel, time = log.channels[name], log.time
     values, steps = channel.values, np.diff(channel.values)
     turn = _motor_turn(log, name)
@@ -308,11 +308,11 @@ def _unwrap(log: Draft, name: str) -> bool:
     if log.joint == "prismatic" and not period:
         return False
     period = period or TURN
-    # A position may be another after a gap: there only a turn of the link's side is a wrap.
+    # A position may change during a gap: there only a turn of the link's side is a wrap.
     seen = ~are_gaps(time) | (period == TURN)
     jumps = np.flatnonzero(seen & (np.abs(steps) > 0.5 * period))
     if not len(jumps) or (period == TURN and len(jumps) > len(steps) // 4):
-        return False  # a wrong unit makes so many, which `check_speed` finds
+        return False  # so many indicate a wrong unit, which `check_speed` reports
     at = log.at(jumps + 1)
     if np.abs(np.diff(positions)[seen]).max() > 0.25 * period:
         raise log.refusal(
@@ -327,7 +327,7 @@ def _unwrap(log: Draft, name: str) -> bool:
 
 
 def _motor_turn(log: Draft, name: str) -> float:
-    """What a turn of the motor is at the link's side; 0 where the encoder stands there."""
+    """Turn of the motor at the link's side of the gear; 0 if the encoder is at that side."""
     ratio = log.channels[name].origin.ratio
     return TURN / abs(ratio) if ratio else 0.0
 
@@ -335,25 +335,25 @@ def _motor_turn(log: Draft, name: str) -> float:
 def without_wraps(
     time: FloatArray,
     readings: FloatArray,
-    turn: float,  # of the motor, at the link's side; 0 where the encoder stands there
+    turn: float,  # of the motor, at the link's side; 0 if the encoder is at that side
     joint: JointType = "revolute",
 ) -> tuple[FloatArray, float]:
-    """Positions of a whole log's encoder, and what it wraps by in front of a gear, or 0."""
-    from flexid.kernels.store import load_kernel  # few logs wrap
+    """Return the unwrapped positions, and the period of the wraps on the motor's side, or 0."""
+    from flexid.kernels.store import load_kernel  # rarely needed
 
     kernel = load_kernel("encoder_turns", (), None, ["encoder_turns"])
     gear, positions = kernel.first_gear(), np.empty(len(readings))
     sample_time = float(np.median(np.diff(time)))
     turning = joint == "revolute"
     kernel.unwrapped_log(time, readings, turn, turning, sample_time, gear, positions)
-    if gear[kernel.PERIOD] < 0.0:  # what looked like a wrap was none
+    if gear[kernel.PERIOD] < 0.0:  # the supposed wraps were none
         return without_wraps(time, readings, 0.0, joint)
     return positions, float(gear[kernel.PERIOD])
 
 
 def _check_jumps(log: Draft, name: str) -> None:
-    """Warn of a position that jumps across its range, as a counter does that overflows."""
-    # It may be another after a gap, and one of a few counts does not jump.
+    """Warn of a position that jumps by more than half of its range, as an overflowing counter."""
+    # Steps across gaps, and those of coarse encoders, are no jumps.
     values = log[name]
     steps = np.where(are_gaps(log.time), 0.0, np.abs(np.diff(values)))
     extent = float(np.ptp(values))

@@ -1,4 +1,4 @@
-"""Recipes of channels, which names or a column map give, and what they make of columns, in SI."""
+"""Recipes that compute channels in SI units from columns, given by names or a column map."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ from flexid.recording.table import Clock, Table
 from flexid.recording.units import UnitError, is_of_a_slide, scale_to_si
 
 MapSource: TypeAlias = Path | Mapping[str, object]
-"""A TOML file that holds a column map, or the same keys and values in Python."""
+"""A TOML file with a column map, or a mapping with the same keys and values."""
 
-ARGUMENT = "columns"  # what messages call a map that is no file: the argument by which it is given
+ARGUMENT = "columns"  # name in messages of a map that was given as an argument
 REMEDY = (
     "write a column name, a table of column or sum, scale, offset, unit and side, or false for a "
     "channel that is not to be read"
 )
 _RATIO = re.compile(r"\s*([+-]?\d+(?:\.\d+)?)\s*[/:]\s*(\d+(?:\.\d+)?)\s*")
 NO_GEAR = "it is for a joint that turns: write the lead, in m per turn of the motor, in its place"
-_NUMBERS = {  # of the whole joint: least, most, and what to say of any other
+_NUMBERS = {  # settings of the joint: least and greatest value, and the message for any other
     "gear_ratio": (
         *(1.0, 1e6),
         'not a ratio: write how often the motor turns in one turn of the link, as 101 or "1/101"',
@@ -60,69 +60,69 @@ _NUMBERS = {  # of the whole joint: least, most, and what to say of any other
 class Recipe(NamedTuple):
     """How a channel is made: ``scale * (sum of weight * column) + offset``, in `unit`."""
 
-    weights: dict[str, float]  # by column: its header, or in a map that was just read its name
-    file: str  # where the recipe stands, for messages
+    weights: dict[str, float]  # by column: by its header, or by its name in a column map
+    file: str  # file and place of the recipe, for messages
     place: str
-    unit: str | None = None  # None: as the headers say, or SI
+    unit: str | None = None  # None: that of the headers, or SI
     scale: float = 1.0  # in `unit` per raw unit
     offset: float = 0.0  # in `unit`
-    ratio: float | None = None  # of motor and link, that may act on the channel
-    joint: JointType = "revolute"  # that the channel is of
-    is_mapped: bool = False  # whether a column map gives it, not a name
+    ratio: float | None = None  # of motor and link, if it may apply to the channel
+    joint: JointType = "revolute"  # type of the channel's joint
+    is_mapped: bool = False  # whether it comes from a column map instead of a name
 
     @property
     def header(self) -> str:
-        """The first column."""
+        """Header of the first column."""
         return next(iter(self.weights))
 
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """What a column map says."""
+    """Content of a column map."""
 
-    file: str  # its path, for messages; `ARGUMENT` where it is no file
-    recipes: Mapping[str, Recipe]  # by channel, columns by the names that the map has for them
-    # turns of the motor in one of the link, or its rad in a m; < 0: opposite ones
+    file: str  # its path, for messages; `ARGUMENT` for a mapping
+    recipes: Mapping[str, Recipe]  # by channel; columns by their names in the map
+    # turns of the motor per turn of the link, or its rad per m; negative if reversed
     ratio: float | None
-    unread: frozenset[str]  # channels that are not read, whatever columns there are
-    joint: JointType | None = None  # None: as the units of the columns say
+    unread: frozenset[str]  # channels that are not read, even if there are columns
+    joint: JointType | None = None  # None: by the units of the columns
 
     @property
     def clamped(self) -> frozenset[str]:
-        """Positions of sides that stand still, of which no column is read."""
+        """Positions of clamped sides, for which no column is read."""
         return frozenset(n for n, one in self.recipes.items() if n != "time" and not one.weights)
 
     @property
     def described(self) -> str:
-        """What it is, for a message that says where to name a column."""
+        """Description of the map for messages."""
         return self.file if self.file == ARGUMENT else f"the column map {self.file}"
 
     def recipe(self, table: Table, name: str) -> Recipe:
-        """The recipe of a channel by the headers of a file."""
+        """Return the recipe of a channel with the headers of a file as its columns."""
         recipe = self.recipes[name]
         found = ((_find_header(table, c, recipe), w) for c, w in recipe.weights.items())
         return recipe._replace(weights=_weights(self.file, name, found))
 
 
 def read_map(source: MapSource) -> ColumnMap:
-    """The column map in a TOML file, or in a mapping with its keys; a `false` channel is unread."""
+    """Return the column map in a TOML file or a mapping."""
     if isinstance(source, Mapping):
         return _map_of(ARGUMENT, dict(source))
     return _map_of(shown(source), map_in_file(source))
 
 
 def map_in_file(path: Path) -> dict[str, Any]:
-    """Keys and values of a column map in a TOML file."""
+    """Return the keys and values of a column map in a TOML file."""
 
     def refuse(_key: str, reason: str) -> RecordingError:
         return RecordingError(shown(path), "", reason)
 
     raw = read_small(path, "a column map in TOML", refuse)
-    return parse_toml(raw, lambda _, reason: refuse("", _no_map(raw, reason)))
+    return parse_toml(raw, lambda _, reason: refuse("", _not_a_map(raw, reason)))
 
 
-def _no_map(raw: bytes, reason: str) -> str:
-    """Why a file that is no TOML is no column map."""
+def _not_a_map(raw: bytes, reason: str) -> str:
+    """Reason for refusing a file that is not TOML as a column map."""
     first = raw.lstrip().partition(b"\n")[0]
     if b"=" not in first and not first.startswith((b"#", b"[")):
         return (
@@ -133,7 +133,7 @@ def _no_map(raw: bytes, reason: str) -> str:
 
 
 def _map_of(file: str, content: dict[str, Any]) -> ColumnMap:
-    """A column map from its keys and values."""
+    """Column map from its keys and values."""
     if not content:
         raise RecordingError(file, "", "the column map is empty: name the columns in it")
     joint = _joint(file, content.pop("joint", None))
@@ -164,13 +164,13 @@ def _map_of(file: str, content: dict[str, Any]) -> ColumnMap:
 
 
 def _entry(file: str, name: str, value: object, ratio: float | None) -> Recipe:
-    """The recipe in one entry of a column map; a number is where a clamped side stands."""
+    """Recipe from one entry of a column map; a number is the position of a clamped side."""
     if name in ENCODERS and _is_number(value):
         place = f"key '{name}'"
         return Recipe({}, file, place, offset=float(_quotient(value)), is_mapped=True)
-    entry = _checked(file, name, value, [*_MAY_BE])
+    entry = _checked(file, name, value, [*_ENTRY_KEYS])
     if ("column" in entry) == bool(entry.get("sum")):
-        raise _bad(file, name, "exactly one of 'column' and 'sum' is needed")
+        raise _entry_error(file, name, "exactly one of 'column' and 'sum' is needed")
     side = entry.get("side")
     if side and (ratio is None or name not in GEARED):
         what = "has a side, but the map no gear_ratio" if name in GEARED else "has no side"
@@ -198,7 +198,7 @@ def _is_number(value: object) -> bool:
     return isinstance(number, int | float) and not is_bool and abs(number) <= float_info.max
 
 
-_MAY_BE: dict[str, tuple[Callable[[Any], bool], str]] = {  # what keys of an entry hold
+_ENTRY_KEYS: dict[str, tuple[Callable[[Any], bool], str]] = {  # by key: test of its value, text
     "column": (lambda value: isinstance(value, str), "the name of a column"),
     "sum": (lambda value: isinstance(value, list | tuple), "a list of columns"),
     "scale": (_is_number, "a finite number"),
@@ -209,27 +209,27 @@ _MAY_BE: dict[str, tuple[Callable[[Any], bool], str]] = {  # what keys of an ent
 
 
 def _checked(file: str, place: str, value: object, keys: list[str]) -> Mapping[str, Any]:
-    """An entry, or a term of a sum, by its keys; raise where it is not what it may be."""
+    """Entry of a map, or term of a sum, as a table; raise if a key or a value is wrong."""
     table = {"column": value} if isinstance(value, str) else value
     if not isinstance(table, Mapping):
-        raise _bad(file, place, "this is neither a column name nor a table")
+        raise _entry_error(file, place, "this is neither a column name nor a table")
     for key, held in table.items():
         if key not in keys:
-            raise _bad(file, f"{place}.{key}", "this key is not known")
-        is_right, what = _MAY_BE[key]
+            raise _entry_error(file, f"{place}.{key}", "this key is not known")
+        is_right, what = _ENTRY_KEYS[key]
         if not is_right(held):
-            raise _bad(file, f"{place}.{key}", f"{cut(repr(held))} is not {what}")
+            raise _entry_error(file, f"{place}.{key}", f"{cut(repr(held))} is not {what}")
     if "column" not in table and "sum" not in keys:
-        raise _bad(file, place, "a column is needed")
+        raise _entry_error(file, place, "a column is needed")
     return table
 
 
-def _bad(file: str, place: str, reason: str) -> RecordingError:
+def _entry_error(file: str, place: str, reason: str) -> RecordingError:
     return RecordingError(file, f"key '{place}'", f"{reason}: {REMEDY}")
 
 
 def _weights(file: str, name: str, terms: Iterable[tuple[str, float]]) -> dict[str, float]:
-    """Factors by column; raise where a sum has one twice."""
+    """Weights by column; raise if a sum has a column twice."""
     weights: dict[str, float] = {}
     for column, factor in terms:
         if column in weights:
@@ -240,7 +240,7 @@ def _weights(file: str, name: str, terms: Iterable[tuple[str, float]]) -> dict[s
 
 
 def _quotient(value: Any) -> Any:
-    """The number that a text such as "1/101" or one of NumPy's types stands for."""
+    """Convert a NumPy number, or a text such as "1/101", to a number; return all else unchanged."""
     if isinstance(value, Real) and not isinstance(value, bool | int):
         return float(value)
     match = _RATIO.fullmatch(value) if isinstance(value, str) else None
@@ -248,7 +248,7 @@ def _quotient(value: Any) -> Any:
 
 
 def _number_of(file: str, content: dict[str, Any], key: str) -> float | None:
-    """The number that a map has for the whole joint, within its limits; a ratio in either order."""
+    """Take a setting of the joint from a map; raise if its value is out of range."""
     value = content.pop(key, None)
     if value is None:
         return None
@@ -262,15 +262,15 @@ def _number_of(file: str, content: dict[str, Any], key: str) -> float | None:
 
 
 def _joint(file: str, value: Any) -> JointType | None:
-    """How the joint moves, where that is stated."""
+    """Type of the joint, or None if it is not stated."""
     if value in (None, *JOINT_TYPES):
         return value
-    reason = f"{cut(repr(value))} is no joint: write {' or '.join(map(repr, JOINT_TYPES))}"
+    reason = f"{cut(repr(value))} is not a joint type: write {' or '.join(map(repr, JOINT_TYPES))}"
     raise RecordingError(file, "key 'joint'", reason)
 
 
 def _find_header(table: Table, column: str, recipe: Recipe) -> str:
-    """The header that a map names: exactly, without its unit, or in other letters."""
+    """Header that a map names: exactly, without its unit, or ignoring case and word breaks."""
     bare = {header: split_header(header)[0] for header in table.names}
     for fits in (
         lambda header: header == column,
@@ -292,21 +292,21 @@ def _find_header(table: Table, column: str, recipe: Recipe) -> str:
 
 
 def recipe_of_column(table: Table, header: str, unit: str | None) -> Recipe:
-    """The recipe of a column by its name."""
+    """Return the recipe of a column that was found by its name."""
     place = f"{table.header}, column {header!r}" if table.header else f"column {header!r}"
     return Recipe({header: 1.0}, table.file, place, unit)
 
 
 def joint_of(recipes: Iterable[Recipe], usual: JointType = "revolute") -> JointType:
-    """How a joint moves by the units of its columns: one that slides has some in m or N."""
+    """Return the type of a joint by the units of its columns: prismatic if any is in m or N."""
     stated = [unit for recipe in recipes if recipe.weights and (unit := _unit(recipe))]
     if not stated:
         return usual
     return "prismatic" if any(map(is_of_a_slide, stated)) else "revolute"
 
 
-def made(table: Table, name: str, recipe: Recipe, clock: Clock) -> Channel:
-    """A channel by its recipe; raise where a cell or a unit is bad."""
+def make_channel(table: Table, name: str, recipe: Recipe, clock: Clock) -> Channel:
+    """Return the channel that a recipe makes of a table; raise if a cell or a unit is wrong."""
     if not recipe.weights and name != "time":
         values = np.full(table.frame.height, recipe.offset)
         unit = si_units(name, recipe.joint)[0]
@@ -316,7 +316,7 @@ def made(table: Table, name: str, recipe: Recipe, clock: Clock) -> Channel:
         return Channel(values, "sample_time", True, Origin({}, recipe.scale, 0.0, "s", None))
     for header in recipe.weights if name == "time" else ():
         stamps = clock.stamped(table, header)
-        if stamps is not None:  # they have no unit, whatever stands beside their name
+        if stamps is not None:  # a unit in the header does not apply to time stamps
             _check_plain(recipe, header)
             return Channel(stamps, header, True, Origin({header: 1.0}, 1.0, 0.0, "s", None))
     unit = _unit(recipe)
@@ -328,7 +328,7 @@ def made(table: Table, name: str, recipe: Recipe, clock: Clock) -> Channel:
     total = np.zeros(table.frame.height)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd values are refused later
         for header, weight in recipe.weights.items():
-            if name == "time":  # counted from its beginning, if that is long ago
+            if name == "time":  # counted from the first, for precision
                 numbers = clock.numbers(table, header, factor * recipe.scale * weight)
             else:
                 numbers = table.numbers(header, holes=True)
@@ -340,7 +340,7 @@ def made(table: Table, name: str, recipe: Recipe, clock: Clock) -> Channel:
 
 
 def _in_si(name: str, recipe: Recipe, unit: str | None) -> tuple[float, str, float | None]:
-    """Factor and SI unit of a channel, and the ratio that carries it to the link's side."""
+    """Factor and SI unit of a channel, and the ratio that converts it to the link's side."""
     units, ratio = si_units(name, recipe.joint), recipe.ratio if name in GEARED else None
     if unit is None:
         factor, si_unit = 1.0, units[0]
@@ -351,7 +351,7 @@ def _in_si(name: str, recipe: Recipe, unit: str | None) -> tuple[float, str, flo
             )
             raise RecordingError(recipe.file, recipe.place, reason)
     else:
-        # What turns in front of a screw or a pulley.
+        # On a linear axis, the units of the motor that turns its screw or pulley.
         turning = SI_UNITS[name] if ratio is not None else ()
         try:
             factor, si_unit = scale_to_si(unit, tuple(dict.fromkeys((*units, *turning))))
@@ -363,7 +363,7 @@ def _in_si(name: str, recipe: Recipe, unit: str | None) -> tuple[float, str, flo
 
 
 def _unit(recipe: Recipe) -> str | None:
-    """The unit that a recipe or its headers state."""
+    """Unit that a recipe or its headers state; raise if the headers differ."""
     if recipe.unit is not None:
         return recipe.unit
     units = {split_header(header)[1] for header in recipe.weights}
@@ -378,7 +378,7 @@ def _unit(recipe: Recipe) -> str | None:
 
 
 def _check_plain(recipe: Recipe, header: str) -> None:
-    """Raise where a column map computes with time stamps."""
+    """Raise if a column map scales or shifts time stamps."""
     is_scaled = [*recipe.weights.values()] != [1.0] or recipe.scale != 1.0 or recipe.offset
     if recipe.is_mapped and (is_scaled or recipe.unit not in (None, "s")):
         raise RecordingError(

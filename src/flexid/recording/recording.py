@@ -1,6 +1,6 @@
-"""Logs: their channels and limits, a log while it is read, and uniformly sampled recordings in SI.
+"""Data types of logs: channels, drafts while a log is read, and uniformly sampled recordings.
 
-Warnings know what they are about, so that the first one is what to do first.
+Warnings have a rank, by which they are sorted in the order in which to act on them.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from flexid.recording.names import MOST_TIMES, first_times
 
 
 class Rank(IntEnum):
-    """What a warning is about. The lowest is to be mended first, as others may follow from it."""
+    """Subject of a warning. Correct the lowest first, since others may be its consequences."""
 
     DATA = 0  # samples are wrong, lost or left out
     SCALE = 1  # a unit, a scale, a sign or the wiring is wrong
     MODEL = 2  # the model lacks something that the drive has
     MOTION = 3  # the motion shows too little
-    NOTE = 4  # what was assumed or mended
+    NOTE = 4  # an assumption or a correction
 
 
 class Caution(str):
-    """A warning: one sentence with its rank; a plain string counts as a note."""
+    """A warning: one sentence with its rank. A plain string counts as a note."""
 
     __slots__ = ("rank",)
 
@@ -43,30 +43,30 @@ class Caution(str):
 
 
 def cautions(rank: Rank, texts: Iterable[str]) -> tuple[Caution, ...]:
-    """Sentences of one rank; those that have one keep it."""
+    """Return texts as warnings of a rank; texts with a rank keep it."""
     return tuple(text if isinstance(text, Caution) else Caution(text, rank) for text in texts)
 
 
 def rank_of(text: str) -> Rank:
-    """The rank of a sentence."""
+    """Return the rank of a warning."""
     return text.rank if isinstance(text, Caution) else Rank.NOTE
 
 
 def ranked(texts: Iterable[str]) -> tuple[str, ...]:
-    """Sentences in the order in which to act on them; equals stay in their order."""
+    """Return warnings in the order of their ranks; equal ranks keep their order."""
     return tuple(sorted(texts, key=rank_of))
 
 
-LARGEST_FILE = 500_000_000  # bytes; read at once, at about four times that in memory
+LARGEST_FILE = 500_000_000  # bytes, of a file read at once; it takes about four times the memory
 MOST_ROWS = 5_000_000  # an identification in memory takes 2 kB for each
 MOST_COLUMNS = 10_000
-MOST_CELLS = 100_000_000  # a small file may hold any number of empty or equal ones
+MOST_CELLS = 100_000_000  # limited, since a small file may have any number of empty or equal cells
 LONGEST_SAMPLE_TIME = 0.5  # s
 SHORTEST_SAMPLE_TIME = 1e-6  # s
 
 
 def check_cells(file: str, rows: int, columns: int) -> None:
-    """Refuse a table that would not fit into memory, before it is there."""
+    """Raise if a table of this size would not fit into memory."""
     if columns > MOST_COLUMNS or rows * columns > MOST_CELLS:
         raise RecordingError(
             file,
@@ -91,12 +91,12 @@ SI_UNITS: dict[str, tuple[str, ...]] = {  # of a revolute joint
     "motor_current": ("A",),
     "motor_voltage": ("V",),
 }
-# They differ at the two sides of the gear: angles are divided, the torque multiplied.
+# Channels that the gear ratio converts: angles are divided by it, the torque is multiplied.
 GEARED = ("motor_position", "motor_velocity", "motor_torque")
 
 
 def si_units(name: str, joint: JointType) -> tuple[str, ...]:
-    """Units that a channel may have once it is read, the one of a column without a unit first."""
+    """Return the SI units of a channel; the first one applies to columns without a unit."""
     return tuple(unit_of(unit, joint) for unit in SI_UNITS[name])
 
 
@@ -105,10 +105,10 @@ class Origin:
     """How a channel was computed: ``factor * (sum of weight * column) + offset``, in SI units."""
 
     columns: Mapping[str, float]  # weights of the columns, by name in the file
-    factor: float  # of the unit, the scale of a column map and the gear ratio together
+    factor: float  # product of the unit's factor, the scale of a column map and the gear ratio
     offset: float  # in `unit`
     unit: str  # SI
-    # turns of the motor in one of the link, or its rad in a m, by which `factor` carries the
+    # turns of the motor per turn of the link, or its rad per m, by which `factor` converts the
     # channel to the link's side of the gear or screw
     ratio: float | None
 
@@ -118,18 +118,18 @@ class Channel:
     """One canonical channel of a file, in SI units."""
 
     values: FloatArray  # shape (n,)
-    column: str  # as named in the file; several are joined by " + "
+    column: str  # its name in the file; several are joined by " + "
     unit_stated: bool  # whether the file or the map named a unit
     origin: Origin
 
     @property
     def unit(self) -> str:
-        """Of the values."""
+        """SI unit of the values."""
         return self.origin.unit
 
     @property
     def joint(self) -> JointType:
-        """How the joint moves that it is a position of."""
+        """Type of the joint, if the channel is a position."""
         return "prismatic" if self.unit == unit_of("rad", "prismatic") else "revolute"
 
     @property
@@ -140,10 +140,10 @@ class Channel:
 
 @dataclass(eq=False)
 class Draft:
-    """A log that is checked and mended step by step."""
+    """A log that is being checked and corrected."""
 
     file: str
-    channels: dict[str, Channel]  # the time among them
+    channels: dict[str, Channel]  # with the time
     warnings: list[str] = field(default_factory=list)
 
     def __getitem__(self, name: str) -> FloatArray:
@@ -159,56 +159,56 @@ class Draft:
 
     @property
     def names(self) -> list[str]:
-        """The channels but the time."""
+        """Names of the channels except the time."""
         return [name for name in self.channels if name != "time"]
 
     @property
     def joint(self) -> JointType:
-        """How the joint moves."""
+        """Type of the joint."""
         return self.channels["motor_position"].joint
 
     @property
     def ratio(self) -> str:
-        """What a column map calls the ratio of motor and link."""
+        """Name of the ratio of motor and link, for messages."""
         return "gear ratio" if self.joint == "revolute" else "lead"
 
     def those_of(self, names: Iterable[str]) -> list[str]:
-        """The channels of some that there are."""
+        """Return those of some names that are channels of the log."""
         return [name for name in names if name in self.channels]
 
     def at(self, places: Any) -> str:
-        """Times of some samples, for a message: the first three, and how many more there are."""
+        """Return times of samples for a message: the first three, and how many more there are."""
         shown = [f"{time:.6g} s" for time in self.time[places[:MOST_TIMES]]]
         return first_times(shown, len(places))
 
     def spans(self, ends: Iterable[tuple[int, int]]) -> str:
-        """Times from one sample to another, the first three of several."""
+        """Return time spans between samples for a message: the first three, and how many more."""
         return first_times([f"{self.time[a]:.6g} s to {self.time[b]:.6g} s" for a, b in ends])
 
     def warn(self, names: str | Sequence[str], what: str, rank: Rank = Rank.NOTE) -> None:
-        """Note a sentence about a channel, about several, or about the whole log."""
+        """Add a warning about one channel, several, or the whole log (no name)."""
         parts = (self.file, place, what) if (place := self._place(names)) else (self.file, what)
         self.warnings.append(Caution(": ".join(parts), rank))
 
     def refusal(self, names: str | Sequence[str], reason: str) -> RecordingError:
-        """The error by which the log is refused, about as many channels."""
+        """Return the error that refuses the log, with one channel, several or none as place."""
         return RecordingError(self.file, self._place(names), reason)
 
     def _place(self, names: str | Sequence[str]) -> str:
-        """The columns of some channels, or what else has a name."""
+        """Columns of channels, for a message; a name that is no channel is returned as it is."""
         if isinstance(names, str):
             return self.channels[names].place if names in self.channels else names
         columns = [repr(self.channels[name].column) for name in names]
         return f"columns {' and '.join(columns)}"
 
     def keep(self, kept: np.ndarray) -> None:
-        """Leave all samples out but these."""
+        """Keep only samples by a mask of shape (n,)."""
         for name in self.channels:
             self[name] = self[name][kept]
 
 
 Hold: TypeAlias = Literal["zero", "linear", "cubic"]
-"""How an input behaves between samples: constant from each on, on straight lines, or smooth."""
+"""Course of an input between samples: constant until the next, straight lines, or cubic."""
 
 CHANNELS = ("link_position", "motor_position", "input", "link_velocity", "motor_velocity")
 
@@ -226,9 +226,9 @@ class Recording:
     link_position : FloatArray, shape (n,), or None
         Link angle in rad; None where only one encoder was logged. Of a prismatic joint in m.
     motor_position : FloatArray, shape (n,)
-        The motor's, at the link side of the gear; of a drive with one encoder, its position.
+        Motor angle at the link side of the gear; with one encoder, the position of the drive.
     input : FloatArray, shape (n,), or None
-        What drives the motor, in `input_unit`; None where only positions were logged.
+        Torque, force, current or voltage in `input_unit`; None where only positions were logged.
     input_unit : str
         ``"N m"`` or ``"N"``, ``"V"`` or ``"A"``; empty where there is no input.
     link_velocity, motor_velocity : FloatArray, shape (n,), or None
@@ -236,8 +236,8 @@ class Recording:
     source : str
         The file, as its path was given.
     link_from_deflection : bool
-        Whether the link position is the motor's plus a measured deflection, which alone is late if
-        it is.
+        Whether the link position is the motor position plus a measured deflection. A delay of the
+        link then applies to the deflection alone.
     joint : str
         ``"revolute"``; ``"prismatic"`` where positions are in m.
 
@@ -282,7 +282,7 @@ class Recording:
 
     @property
     def clamped(self) -> frozenset[str]:
-        """Positions that a column map holds still."""
+        """Positions that are constant, as a column map states for a clamped side."""
         positions = {name: getattr(self, name) for name in ENCODERS}
         return frozenset(n for n, own in positions.items() if own is not None and not np.ptp(own))
 
@@ -293,22 +293,22 @@ class Recording:
 
     @property
     def needed_link_position(self) -> FloatArray:
-        """Link position, shape (n,)."""
+        """Link position, shape (n,); raise if it was not logged."""
         if self.link_position is None:
             raise self._refusal(
                 "link_position",
-                "the link's encoder is missing, and the compliance cannot be seen without it: log "
+                "the link's encoder is missing, without which the compliance cannot be seen: log "
                 "it, or identify the rigid joint",
             )
         return self.link_position
 
     @property
     def needed_input(self) -> FloatArray:
-        """What drives the motor, shape (n,), in `input_unit`."""
+        """Input of the motor, shape (n,), in `input_unit`; raise if it was not logged."""
         if self.input is None:
             raise self._refusal(
                 "input",
-                "no torque, current or voltage was logged, and nothing can be said of the motor "
+                "no torque, current or voltage was logged, and the motor cannot be identified "
                 "without it: log it, or identify the link alone",
             )
         return self.input
@@ -343,12 +343,12 @@ class Recording:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """What one file held.
+    """Content of one log file.
 
     Parameters
     ----------
     recordings : tuple of Recording
-        One, or several where the file had gaps; all with the same sample time.
+        One or several, separated by gaps of the file, with the same sample time.
     warnings : tuple of str
         One sentence each, with the place and the remedy.
     source : str
@@ -360,7 +360,7 @@ class Log:
     rests : bool
         Whether the motor stands still throughout, as one joint of an arm may.
     turned : tuple of str
-        Channels that were taken with the other sign, since mechanics contradict the one they had.
+        Channels whose sign was changed, because the mechanics contradict it as logged.
     """
 
     recordings: tuple[Recording, ...]
@@ -379,6 +379,6 @@ class Log:
 
     @property
     def provenance(self) -> dict[str, object]:
-        """File, digest and columns, as they stand in a result's JSON."""
+        """File, digest and columns, for the JSON of a result."""
         columns = {name: asdict(origin) for name, origin in self.columns.items()}
         return {"file": self.source, "sha256": self.sha256, "columns": columns}

@@ -1,4 +1,4 @@
-"""Time stamps to an even grid: gaps cut the log into recordings, jitter is interpolated away."""
+"""From time stamps to an even grid: gaps separate recordings, jitter is interpolated."""
 
 from collections.abc import Sequence
 from functools import reduce
@@ -21,35 +21,35 @@ from flexid.recording.recording import (
 from flexid.recording.table import Table, is_stamp
 
 FEWEST_SAMPLES = 20  # of a recording
-FEWEST_TO_IDENTIFY = 75  # of a recording: 50 to fit, and a third that is kept out
-GAP = 1.5  # sample times between two samples; a single lost sample makes 2
-_WIDE_GAP = 4.0  # likewise, where steps vary: interpolation bridges three lost samples, not more
+FEWEST_TO_IDENTIFY = 75  # of a recording: 50 to fit, and a third of held-out data
+GAP = 1.5  # sample times in a step; a single lost sample makes it 2
+_WIDE_GAP = 4.0  # the same where steps vary: interpolation bridges up to three lost samples
 MOST_GAPS = 0.05  # share of the steps
-_MOST_OF = 0.9  # of the samples
-_SMOOTHER = 1.05  # times: DFKI's pendulum, whose encoder's steps hide its clock, has 1.00004
+_MOST_OF = 0.9  # quantile that ignores rare jumps and wraps
+_SMOOTHER = 1.05  # least ratio of roughness: a log whose encoder hides its clock has 1.00004
 _ROUNDING = 1e-9  # of a position's range
-EVEN = 1e-3  # of a sample time: what a printed time is off by
-MOST_JITTER = 0.1  # of a sample time, where steps tell gaps and lost samples
+EVEN = 1e-3  # of a sample time: deviation by rounding of printed times
+MOST_JITTER = 0.1  # of a sample time, up to which steps show gaps and lost samples
 _OF_STAMPS = (
     "; where a clock was set back, as to winter time, log UTC; times of day are taken to be less "
     "than 12 h apart, so write the date too; and write all zeros behind the point"
 )
-ROUNDED = 1.05  # digits: rounded times lie within one, and a fitted line is a little off
-_UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # in s, of times that are no seconds
-_RARE = 0.05  # s between samples: what is logged at 10 kHz in ms reads as 0.1 s
-_MOST_ALIKE = 4.0  # samples to a digit: of more, the line is too free
+ROUNDED = 1.05  # range of the rounding error in last digits: 1, and the error of the fitted line
+_UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # in s
+_SLOW = 0.05  # s, of a sample time that may be in another unit: 0.1 ms read as s are 0.1 s
+_MOST_PER_DIGIT = 4.0  # samples with the same time; with more the line is too uncertain
 
 
 class Grid(NamedTuple):
-    """Where the recordings of a log lie, and on which even times."""
+    """Even time grid of a log, and the samples of its recordings."""
 
     sample_time: float  # common to all recordings, in s
     recordings: tuple[slice, ...]  # the samples of each
-    resample: bool = False  # whether the time stamps are off the even grid by more than rounding
+    resample: bool = False  # whether stamps deviate from the even grid by more than rounding
 
 
 def drop_repeats(log: Draft, table: Table) -> None:
-    """Leave out rows that are written twice; raise at the first that does not come after one."""
+    """Remove rows that are written twice; raise at the first row whose time does not increase."""
     time = log.time
     steps = np.diff(time)
     again = steps == 0.0
@@ -59,10 +59,10 @@ def drop_repeats(log: Draft, table: Table) -> None:
         values = log[name]
         again &= (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
     increases = (steps > 0.0) | again
-    if not np.all(increases):  # of 2000 samples a second in whole ms two have the same time
+    if not np.all(increases):  # at 2000 samples per second in whole ms, two have the same time
         sample_time = _rounded_step(log)
         if sample_time is None:
-            raise _not_increasing(log, table, increases)
+            raise _order_error(log, table, increases)
         log["time"] = time[0] + sample_time * np.arange(len(time))
         return
     log.warn(
@@ -74,13 +74,13 @@ def drop_repeats(log: Draft, table: Table) -> None:
     log.keep(np.concatenate(([True], ~again)))
 
 
-def _not_increasing(log: Draft, table: Table, is_next: NDArray[np.bool_]) -> RecordingError:
-    """The error of the first row whose time does not come after the one before."""
+def _order_error(log: Draft, table: Table, is_next: NDArray[np.bool_]) -> RecordingError:
+    """Error for the first row whose time does not increase."""
     time, column = log.time, log.channels["time"].column
     index = int(np.argmax(~is_next)) + 1
     is_stamped, is_back = _is_stamp(table, column, index), time[index] < time[index - 1]
     forward = np.diff(time)[np.diff(time) > 0.0]
-    if not is_stamped and len(forward):  # in another unit its last digit is too coarse
+    if not is_stamped and len(forward):  # the cause may be a wrong unit of the time
         check_typical(log.file, log.channels["time"].place, float(np.median(forward)), forward)
     before, now = f"{time[index - 1]:.9g}", f"{time[index]:.9g}"
     reason = (
@@ -94,13 +94,13 @@ def _not_increasing(log: Draft, table: Table, is_next: NDArray[np.bool_]) -> Rec
 
 
 def _is_stamp(table: Table, column: str, index: int) -> bool:
-    """Whether a time is a date or a time of day."""
+    """Whether the time of a row is a time stamp in text."""
     cell = table.frame[column][index] if column in table.names else 0.0
     return not isinstance(cell, int | float) and is_stamp(str(cell))
 
 
 def keep_common(logs: Sequence[Draft]) -> None:
-    """Leave out of each joint's log the samples that another one has left out."""
+    """Remove samples that one joint's log lacks from the logs of all joints."""
     common = reduce(np.intersect1d, (log.time for log in logs))
     if len(common) < FEWEST_SAMPLES <= min(len(log.time) for log in logs):
         raise logs[0].refusal(
@@ -114,21 +114,21 @@ def keep_common(logs: Sequence[Draft]) -> None:
 
 
 def are_gaps(time: FloatArray) -> NDArray[np.bool_]:
-    """Between which of increasing times samples are missing, shape (n - 1,)."""
+    """Return whether samples are missing after each of increasing times, shape (n - 1,)."""
     steps = np.diff(time)
     return steps > GAP * np.median(steps)
 
 
 def parts_between(are_ends: NDArray[np.bool_]) -> list[slice]:
-    """Samples from one end to the next, where it is known between which two of them one is."""
+    """Return the parts between cuts; `are_ends` marks the samples before a cut, shape (n - 1,)."""
     cuts = [0, *(np.flatnonzero(are_ends) + 1).tolist(), len(are_ends) + 1]
     return [slice(first, stop) for first, stop in pairwise(cuts)]
 
 
 def even_grid(logs: Sequence[Draft]) -> Grid:
-    """Sample time and gaps of increasing time stamps in s; raise where they are too uneven.
+    """Return the even grid of increasing time stamps in s; raise if they are too uneven.
 
-    The joints of an arm have one clock, of which the first one's log tells.
+    The joints of an arm share one clock, so the log of the first joint is used.
     """
     log = logs[0]
     time = log.time
@@ -142,7 +142,7 @@ def even_grid(logs: Sequence[Draft]) -> Grid:
     steps = np.diff(time)
     typical = float(np.median(steps))
     check_typical(log.file, log.channels["time"].place, typical, steps)
-    if typical > _RARE and not log.channels["time"].unit_stated:
+    if typical > _SLOW and not log.channels["time"].unit_stated:
         log.warn(
             "time",
             f"it is read as seconds, which makes steps of {typical:.3g} s, more than most drives "
@@ -159,7 +159,7 @@ def even_grid(logs: Sequence[Draft]) -> Grid:
         usual = steps[steps <= _WIDE_GAP * typical].mean()
         is_gap = steps > _WIDE_GAP * usual
         if is_gap.mean() > MOST_GAPS or len(_changes(steps)) == 1:
-            raise _uneven(log, steps)
+            raise _uneven_error(log, steps)
     parts = parts_between(is_gap)
     recordings = [part for part in parts if part.stop - part.start >= FEWEST_SAMPLES]
     if not recordings:
@@ -173,7 +173,7 @@ def even_grid(logs: Sequence[Draft]) -> Grid:
     is_even = _is_smoother_if_even(logs, recordings)
     within = np.concatenate([np.diff(time[recording]) for recording in recordings])
     taken = (
-        "at even times the positions are smoother, so these were taken"
+        "the positions are smoother at even times, so these were taken"
         if is_even
         else "so the channels were interpolated to even times"
     )
@@ -187,36 +187,36 @@ def even_grid(logs: Sequence[Draft]) -> Grid:
 
 
 def _jitter(steps: FloatArray) -> float:
-    """Largest part of a step by which a time stamp is late: it shortens the next step as well."""
+    """Largest lateness of a time stamp over the step; it also shortens the next step."""
     return float(np.abs(steps / steps.mean() - 1.0).max()) / 2.0
 
 
 def _is_smoother_if_even(logs: Sequence[Draft], recordings: Sequence[slice]) -> bool:
-    """Whether samples were even and stamped late, by the position that tells most."""
-    # Stamps are believed where noise hides the difference.
+    """Whether samples were even but stamped late, by the most conclusive position."""
+    # If noise hides the difference, the stamps are used.
     positions = [log[name] for log in logs for name in log.those_of(POSITIONS)]
     gains = [_gain_if_even(logs[0].time, values, recordings) for values in positions]
     return max(gains, key=abs) > np.log(_SMOOTHER)
 
 
 def _gain_if_even(time: FloatArray, values: FloatArray, recordings: Sequence[slice]) -> float:
-    """Logarithm by how much smoother a position is at even times than at the stamped ones."""
+    """Logarithm of a position's roughness at stamped times over that at even times."""
     gains, lengths = [0.0], [1]
     for part in recordings:
         own, stamps = values[part], time[part]
         at = (np.arange(len(own), dtype=np.float64), stamps)
-        # Jumps and wraps are few.
-        off = np.array([np.quantile(_off_neighbours(times, own), _MOST_OF) for times in at])
+        # A quantile, to ignore rare jumps and wraps.
+        off = np.array([np.quantile(_cubic_residual(times, own), _MOST_OF) for times in at])
         rounding = _ROUNDING * np.ptp(own)
-        if off.max() > rounding:  # what rests is no evidence
+        if off.max() > rounding:  # a position at rest is no evidence
             even, stamped = np.log(np.maximum(off, rounding))
             gains.append(float(stamped - even))
             lengths.append(len(own))
     return float(np.average(gains, weights=lengths))
 
 
-def _off_neighbours(time: FloatArray, values: FloatArray) -> FloatArray:
-    """Distance of each sample from the cubic through four others, over their noise, (n - 4,)."""
+def _cubic_residual(time: FloatArray, values: FloatArray) -> FloatArray:
+    """Distance of samples from the cubic through four neighbours over its noise, (n - 4,)."""
     ahead = sliding_window_view(time, 5) - time[2:-2, None]
     others = [0, 1, 3, 4]
     weights = np.ones((len(ahead), len(others)))
@@ -230,7 +230,7 @@ def _off_neighbours(time: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def check_typical(file: str, place: str, typical: float, steps: FloatArray) -> None:
-    """Raise unless a drive may be sampled so, in s, as these time steps say."""
+    """Raise if a typical step, in s, is not a plausible sample time of a drive."""
     if is_sample_time(typical):
         return
     fitting = (unit for unit, size in _UNITS.items() if is_sample_time(size * typical))
@@ -245,14 +245,14 @@ def check_typical(file: str, place: str, typical: float, steps: FloatArray) -> N
 
 
 def _rounded_step(log: Draft) -> float | None:
-    """Sample time of times that are off even ones by no more than their last digit, or None."""
+    """Sample time of even times that were rounded to few digits, in s; None if they were not."""
     time = log.time
     sample_time = _fitted_sample_time(time, [slice(0, len(time))])
     off = np.ptp(time - sample_time * np.arange(len(time)))
     if off <= 2.0 * EVEN * sample_time:
         return None
     digit = _last_digit(time)
-    if digit > _MOST_ALIKE * sample_time:
+    if digit > _MOST_PER_DIGIT * sample_time:
         return None
     if not (0.5 * digit < np.ptp(np.diff(time)) and off <= ROUNDED * digit):
         return None
@@ -263,7 +263,7 @@ def _rounded_step(log: Draft) -> float | None:
 def warn_rounded(
     log: Draft, place: str, digit: float, sample_time: float, rank: Rank = Rank.NOTE
 ) -> None:
-    """Warn of times, in s, that are even but for their last digit."""
+    """Warn of even times that were rounded to a digit; both arguments in s."""
     log.warn(
         place,
         f"the times are rounded to {digit * 1e3:g} ms; they fit even steps of "
@@ -273,7 +273,7 @@ def warn_rounded(
 
 
 def _last_digit(time: FloatArray) -> float:
-    """The largest power of ten in s of which all times are multiples; zero if there is none."""
+    """Largest power of ten, in s, of which all times are multiples; zero if there is none."""
     for power in range(0, -7, -1):
         numbers = (time - time[0]) / 10.0**power
         if np.abs(numbers - np.rint(numbers)).max() < EVEN:
@@ -284,28 +284,28 @@ def _last_digit(time: FloatArray) -> float:
 def to_grid(
     time: FloatArray, values: FloatArray, sample_time: float, held: bool = False
 ) -> FloatArray:
-    """A channel at even times from its first time stamp on, as far as the time stamps reach."""
+    """Return a channel at even times from its first to its last time stamp."""
     count = int((time[-1] - time[0]) / sample_time + EVEN) + 1
     even = np.minimum(time[0] + sample_time * np.arange(count), time[-1])
     return interpolated(time, values, even, held=held)
 
 
 def interpolated(time: FloatArray, values: FloatArray, at: FloatArray, *, held: bool) -> FloatArray:
-    """A channel at other times; one that may step, as an input does, without overshoot."""
+    """Return a channel at other times, by a cubic spline, or without overshoot if it is `held`."""
     from scipy.interpolate import CubicSpline, PchipInterpolator
 
     interpolator = PchipInterpolator if held else CubicSpline
-    with np.errstate(over="ignore"):  # one over a slope next to none: the mean slope is then none
+    with np.errstate(over="ignore"):  # 1 / slope may overflow, which gives slope 0
         return np.asarray(interpolator(time, values)(at), dtype=np.float64)
 
 
 def is_sample_time(seconds: float) -> bool:
-    """Whether a drive may be sampled so."""
+    """Whether a sample time is plausible for a drive."""
     return SHORTEST_SAMPLE_TIME <= seconds <= LONGEST_SAMPLE_TIME
 
 
 def check_sample_time(sample_time: float) -> None:
-    """Raise a `SettingError` unless a drive may be sampled so, in s."""
+    """Raise a `SettingError` if a sample time, in s, is not plausible for a drive."""
     if not is_sample_time(sample_time):
         raise SettingError(
             "sample_time",
@@ -314,7 +314,7 @@ def check_sample_time(sample_time: float) -> None:
         )
 
 
-def _uneven(log: Draft, steps: FloatArray) -> RecordingError:
+def _uneven_error(log: Draft, steps: FloatArray) -> RecordingError:
     time = log.time
     changes = _changes(np.diff(time))
     remedy = "record at a fixed rate, or write the time with more digits"
@@ -329,12 +329,12 @@ def _uneven(log: Draft, steps: FloatArray) -> RecordingError:
 
 
 def _changes(steps: FloatArray) -> NDArray[np.int64]:
-    """Where the next step is another one."""
+    """Indices of the steps before a change of the step."""
     return np.flatnonzero(np.abs(np.diff(steps)) > MOST_JITTER * steps.min())
 
 
 def _warn_of_gaps(log: Draft, parts: list[slice], recordings: list[slice]) -> None:
-    """Name gaps, and parts between two gaps that are too short to be recordings."""
+    """Warn of gaps, and of parts between gaps that are too short for a recording."""
     if len(parts) > 1:
         gaps = log.spans((a.stop - 1, b.start) for a, b in pairwise(parts))
         count = f"{len(recordings)} recording{'' if len(recordings) == 1 else 's'}"
@@ -353,7 +353,7 @@ def _warn_of_gaps(log: Draft, parts: list[slice], recordings: list[slice]) -> No
 
 
 def _fitted_sample_time(time: FloatArray, recordings: list[slice]) -> float:
-    """Least-squares slope of time over the sample's number, common to all recordings, in s."""
+    """Least-squares slope of the time over the sample number, common to all recordings, in s."""
     products, squares = 0.0, 0.0
     for recording in recordings:
         stamps = time[recording] - time[recording].mean()

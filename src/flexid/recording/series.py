@@ -1,4 +1,4 @@
-"""Files of signals and of tables: columns of a log, at once or in parts, and an overview."""
+"""Reading of signal files: columns of a log, at once or in parts, and an overview."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
     from flexid.recording.recipes import MapSource
 
 TIME = "time [s]"
-_TEMPORAL = ("Datetime", "Time")  # types of Polars that may be a clock's
+_TEMPORAL = ("Datetime", "Time")  # types of Polars for time stamps
 _EXPORT = "export the log again"
 
 
 def names_of(reading: Reading) -> Table:
-    """A table without rows, from which is decided what is read."""
+    """Return a table without rows, with all names, from which the columns to read are selected."""
     import polars as pl
 
     file, series = reading.file, reading.series
@@ -54,7 +54,7 @@ def names_of(reading: Reading) -> Table:
         return Table(file, frame, reading.sha256)
     short = shortest_ends(map(_header_of, series))
     headers = list(short)
-    if _is_clocked(reading):  # these are the time; a signal that is called so is not
+    if _is_clocked(reading):  # the clocks are the time, so a signal named time is not
         for header, end in short.items():
             if folded(split_header(end)[0]) == "time":
                 short[header] = f"logged {end}"
@@ -68,13 +68,13 @@ Part = tuple["polars.DataFrame", tuple[str, ...]]  # with warnings
 
 
 class Signals:
-    """The signals that a log needs, of those that a file holds."""
+    """The signals of a file that a log needs."""
 
     def __init__(self, reading: Reading, columns: MapSource | None) -> None:
         self.reading, self.file, self.names = reading, reading.file, names_of(reading)
         recipes, self.warnings = recipes_of(self.names, columns)
         self.is_clocked = _is_clocked(reading)
-        self.headers = {  # by channel, those that it is made of
+        self.headers = {  # by channel, the headers that it is computed from
             channel: [one for one in recipe.weights if one != TIME or not self.is_clocked]
             for channel, recipe in recipes.items()
         }
@@ -84,11 +84,11 @@ class Signals:
         self.paths = {one.path: header for header, one in self.chosen.items()}
 
     def tables(self, size: int | None) -> Iterator[Table]:
-        """Their rows, about so many at a time; without a size, all at once."""
+        """Yield the signals in tables of about `size` rows; without a size, in one table."""
         lengths = {one.path: one.length for one in self.chosen.values()}
         empty = [path for path, length in lengths.items() if not length]
         if empty or not lengths:
-            reason = f"the signals {quoted(empty)} hold no samples: {_EXPORT}"
+            reason = f"the signals {quoted(empty)} have no samples: {_EXPORT}"
             raise RecordingError(self.file, "", reason)
         longest = max(lengths.values())
         held = longest if size is None or self.is_clocked else min(size, longest)
@@ -110,8 +110,8 @@ class Signals:
             row += frame.height
 
     def _together(self, size: int | None) -> Iterator[Part]:
-        """Columns of a table, or arrays of one length and of one time."""
-        times = self.headers["time"] or [*self.chosen]  # where they are counted, as many as any
+        """Yield columns of a table, or arrays of one length and one time."""
+        times = self.headers["time"] or [*self.chosen]  # any signal if the time is counted
         time = self.chosen[times[0]]
         for one in self.chosen.values():
             if one.length != time.length:
@@ -125,7 +125,7 @@ class Signals:
             yield frame.select([*self.paths]).rename(self.paths), ()
 
     def _clocked(self, size: int | None) -> Iterator[Part]:
-        """Signals with clocks of their own, brought to one."""
+        """Yield signals with separate clocks, resampled to one."""
         first = [self.chosen[header] for header in self.headers.get("motor_position", ())]
         clocks = list(dict.fromkeys(one.clock for one in (*first, *self.chosen.values())))
         notes = [note for one in clocks if (note := self.reading.notes.get(one))]
@@ -137,7 +137,7 @@ class Signals:
             yield part, (*(f"{self.file}: {note}" for note in notes), *warnings)
 
     def _of_one_clock(self, stamped: dict[str, tuple[Any, polars.DataFrame]]) -> Part:
-        """The chosen signals at common times."""
+        """Chosen signals at common times, and warnings."""
         import polars as pl
 
         if len(stamped) == 1:
@@ -156,12 +156,12 @@ class Signals:
 
 
 def _is_clocked(reading: Reading) -> bool:
-    """Whether signals have time stamps of their own."""
+    """Whether signals have time stamps from separate clocks."""
     return any(one.clock for one in reading.series)
 
 
 def _stamped(held: dict[str, list[polars.DataFrame]]) -> dict[str, tuple[Any, polars.DataFrame]]:
-    """By clock, seconds and values; whole nanoseconds are sorted, and count from the first."""
+    """Times in s and values by clock; whole nanoseconds are sorted and count from the first."""
     import polars as pl
 
     found: dict[str, tuple[Any, polars.DataFrame]] = {}
@@ -179,38 +179,38 @@ def _stamped(held: dict[str, list[polars.DataFrame]]) -> dict[str, tuple[Any, po
 
 
 def _header_of(series: Series) -> str:
-    """Its path, with the unit in brackets."""
+    """Path of a signal with its unit in brackets."""
     return f"{series.path} [{series.unit}]" if series.unit else series.path
 
 
-_ROWS = 5  # that are shown
+_ROWS = 5  # rows of an overview
 _LONGEST_CELL = 24  # characters
 
 
 @dataclass(frozen=True)
 class ColumnOverview:
-    """A column of a file."""
+    """A column of a file, for an overview."""
 
-    header: str  # as it stands in the file
-    unit: str  # that its name states, if any
-    kind: str  # type and length of a signal in a file that is no table
+    header: str  # as in the file
+    unit: str  # as stated in the name; empty if there is none
+    kind: str  # type and length of a signal; empty for a column of a table
     cells: tuple[str, ...]  # its first values
 
 
 @dataclass(frozen=True)
 class FileOverview:
-    """Columns of a file, and what their names say."""
+    """Columns of a file, and the channels that they are recognised as."""
 
     file: str
     sha256: str
     rows: int  # samples of the longest signal
     columns: tuple[ColumnOverview, ...]  # in the file's order
-    channels: dict[str, str]  # by channel, the header that it would be read from
-    unclear: str  # why the names do not say what is what, if they do not
+    channels: dict[str, str]  # by channel, the header of its column
+    unclear: str  # reason if channels cannot be recognised, else empty
 
 
 def overview(path: Path) -> FileOverview:
-    """What a file of any format holds."""
+    """Return an overview of a file of any format."""
     if format_of(path) is None:
         table = read_table(path)
         return _overview(table, table.frame.height, _cells(table.frame))
@@ -224,7 +224,7 @@ def overview(path: Path) -> FileOverview:
 
 
 def _cells(frame: polars.DataFrame) -> dict[str, tuple[str, ...]]:
-    """The first values of each column as text."""
+    """First values of each column as text."""
 
     def text(cell: object) -> str:
         if isinstance(cell, float):

@@ -1,13 +1,13 @@
-"""Scales and units that the joint's own mechanics contradict.
+"""Detection of scales and units that the mechanics of the joint contradict.
 
-Of the link, with what its viscous and dry friction and a late encoder add,
+With viscous and dry friction of the link, and with a late encoder, the mechanics are
 
     link - motor = -(J link'' + g sin(link + angle)) / k + a link' + b sign(link') + c.
 
-All of it may be smoothed alike, and then it holds for the smoothed signals: no derivative is taken
-of noise. A position that has a share of its own in the deflection, beside these, has another scale
-than the other position. A torque, or a deflection, that repeats with 57.3 or 2π times the angle or
-with 1/57.3 of it, and not with the angle, is gravity in another unit.
+The equation also applies to signals that are all smoothed by one kernel, so no noise has to be
+differentiated. If the deflection also contains a share of the motor position itself, the two
+encoders differ in scale. If gravity fits a torque, or a deflection, with 57.3, 1/57.3 or 2π times
+the angle instead of the angle, the unit of the angle is wrong.
 """
 
 from __future__ import annotations
@@ -23,40 +23,39 @@ from flexid.arrays import FloatArray
 from flexid.recording.recording import ENCODERS, Caution, Draft, Rank, Recording
 from flexid.recording.velocities import best_half_window, velocity
 
-_REACH = 6.0  # standard deviations of the smoothing kernel on either side: 1e-8 is cut off
-_FEWEST = 40  # smoothed samples that tell apart seven signals
-PARTS = 10  # of the recording, each left out once, for the standard error
+_REACH = 6.0  # half length of the smoothing kernel in standard deviations: truncated at 1e-8
+_FEWEST = 40  # smoothed samples that separate seven signals
+PARTS = 10  # parts of the recording for the jackknife, each left out once
 _DEGREES = 180.0 / np.pi
 _FITS_BETTER = 0.2
-"""Of the squares left over by gravity in the unit as read, those in another unit: 0.4 or more in
-logs that are right, 0.1 or less in most that are wrong."""
-_WRONG_UNITS = (  # factor; whether a share of the angle itself is allowed for as it is read
+"""Residual squares with another unit over those with the unit as read: 0.4 or more in correct
+logs, 0.1 or less in most wrong ones."""
+_WRONG_UNITS = (  # factor; whether the unit as read is tested with a spring term as well
     (_DEGREES, False, "radians read as degrees"),
     (1.0 / _DEGREES, True, "degrees read as radians"),
     (2.0 * np.pi, True, "turns read as radians"),
 )
-_WIDE = 1.0  # rad of motion: in less an angle is too much like its sine
-_CERTAIN = 5.0  # standard errors: 2 where a short deflection follows no mechanics at all
+_WIDE = 1.0  # rad of motion: in smaller motions an angle resembles its sine
+_CERTAIN = 5.0  # standard errors
 _EXPLAINED = 0.5
-"""Of the squares of a deflection that mechanics leave, those left beside another scale: 0.8 or more
-where none is wrong (0.99, at 30 standard errors, in a long log with dry friction), 0.25 or less in
-most where one is by 0.6 %."""
+"""Residual squares of a deflection with another scale over those without: 0.8 or more in correct
+logs (0.99, at 30 standard errors, in a long log with dry friction), 0.25 or less in most logs with
+an error of 0.6 %."""
 _LATEST, _LATE_STEP = 0.25, 0.005  # s: delays of an input that are tried
-_FOUND_BY_A_FIT = 0.03  # s: delays up to there are sought with the parameters
-_FEWEST_REACHES = 8  # in a log whose input is tried at so large a delay to either side
-_FITS_LATER = 0.25  # of what is left, at another time: 0.5 or more where an input is on time
-_ON_TIME = (
-    0.01  # of an input's squares, left at most: 1e-5 in steps and a real arm, 0.09 if 50 ms late
-)
+_LATEST_OF_FIT = 0.03  # s, the largest delay that is estimated with the parameters
+_FEWEST_REACHES = 8  # least length of a log over the largest delay that is tried
+_FITS_LATER = 0.25  # residual squares with a delay over those without: 0.5 or more in correct logs
+_ON_TIME = 0.01  # residual squares over the input's: 1e-5 in logs of steps, 0.09 if 50 ms late
 _SMALLEST, _LARGEST = 0.003, 0.1
-"""Errors of a scale that are named: smaller ones change next to nothing; larger ones are a soft
-joint, or one that is moved from outside, whose deflection the motion does not explain."""
+"""Scale errors that are reported. Smaller ones hardly change an estimate. Larger ones indicate a
+soft joint, or an external motion, instead of a wrong scale."""
 
 
 def check_motion(log: Draft, recording: Recording, *, alone: bool) -> None:
-    """Warn of scales and units of positions that the motion in a recording contradicts.
+    """Warn of scales and units of positions that the motion of a recording contradicts.
 
-    Of a joint that is not alone, gravity along a slide varies with the angles of others.
+    The scales of a prismatic joint are tested only if it is `alone`: in an arm, gravity along it
+    varies with the angles of other joints.
     """
     place, wrong = log.those_of(ENCODERS), _wrong_unit(recording)
     known = alone or recording.joint == "revolute"
@@ -68,7 +67,7 @@ def check_motion(log: Draft, recording: Recording, *, alone: bool) -> None:
         log.warn(
             place,
             f"the link moves {1.0 + share:.4f} ± {2.0 * error:.1g} times as far as the motor, "
-            f"beyond what gravity and inertia bend the joint by: check the scales of both encoders "
+            f"more than gravity and inertia explain: check the scales of both encoders "
             f"and the gear ratio (motor position times {1.0 + share:.4f}, or {ratio} by it, would "
             f"agree)",
             Rank.SCALE,
@@ -76,7 +75,7 @@ def check_motion(log: Draft, recording: Recording, *, alone: bool) -> None:
 
 
 def _wrong_unit(recording: Recording) -> str:
-    """What to say of angles in another unit than gravity acts by; empty where there is nothing."""
+    """Text of a warning if gravity shows that angles are in another unit; else empty."""
     smoothed = smoothing(recording)
     if smoothed is None or recording.joint == "prismatic":
         return ""
@@ -90,31 +89,31 @@ def _wrong_unit(recording: Recording) -> str:
         angle = factor * sensed
         return left_over(moved, [smoothed(np.sin(angle)), smoothed(np.cos(angle))], more)
 
-    # What a spring or a controller makes in proportion to the angle is no gravity in degrees.
+    # A spring or a controller proportional to the angle must not be mistaken for gravity.
     as_read, as_spring = left(1.0, *others), left(1.0, *others, smoothed(sensed))
     for factor, beside, words in _WRONG_UNITS:
         if left(factor, *others) < _FITS_BETTER * (as_spring if beside else as_read):
             return (
-                f"the load repeats with the angle, which moves by {np.ptp(sensed):.3g} rad as it "
-                f"is read, as gravity does for {words}: check the unit"
+                f"the angle moves by {np.ptp(sensed):.3g} rad as read, but gravity shows "
+                f"{words}: check the unit"
             )
     return ""
 
 
 def late_input(recording: Recording) -> Iterator[str]:
-    """Warn of an input that acts at another time than it was logged, beyond what a fit finds."""
+    """Yield a warning if an input acts earlier or later than logged by more than a fit searches."""
     late = input_lateness(recording)
     if late:
         yield Caution(
             f"{recording.source}: the input explains the motion best if it acts {abs(late):.3g} s "
-            f"{'later' if late > 0.0 else 'earlier'} than it stands in the log, which is more than "
-            f"a fit looks for: put all channels on one clock, or give --input-delay={late:.3g}",
+            f"{'later' if late > 0.0 else 'earlier'} than logged, which is more than "
+            f"the fit searches: put all channels on one clock, or give --input-delay={late:.3g}",
             Rank.SCALE,
         )
 
 
 def input_lateness(recording: Recording) -> float:
-    """How much later in s than it was logged an input acts, beyond what a fit finds; else 0."""
+    """Return the delay of an input in s if it is larger than a fit searches; else 0."""
     smoothed = smoothing(recording)
     motor, link, acts = recording.motor_position, recording.link_position, recording.input
     reach = round(_LATEST / recording.sample_time)
@@ -128,9 +127,9 @@ def input_lateness(recording: Recording) -> float:
     every = np.convolve(acts - acts.mean(), smoothed.kernels[0], mode="valid")
 
     def left(delay: int) -> tuple[float, float]:
-        """Squares of the input that the motion does not explain, and all of it."""
+        """Squares of the input that the motion does not explain, and of the input."""
         own = every[reach - delay : len(every) - reach - delay : smoothed.step]
-        shares = own @ basis  # the first one is of the constant
+        shares = own @ basis  # the first one belongs to the constant
         size = own @ own
         return float(size - shares @ shares), float(size - shares[0] ** 2)
 
@@ -141,12 +140,12 @@ def input_lateness(recording: Recording) -> float:
     step = max(1, round(_LATE_STEP / recording.sample_time))
     best = min(range(-step * (reach // step), reach + 1, step), key=share)
     best = min(range(max(best - step, -reach), min(best + step, reach)), key=share)
-    # At the end of what was tried there may be less beyond: a motion that repeats itself, say.
-    if not _FOUND_BY_A_FIT < abs(best) * recording.sample_time < _LATEST - 2.0 * _LATE_STEP:
+    # A minimum at the end of the range may continue beyond it, as for a periodic motion.
+    if not _LATEST_OF_FIT < abs(best) * recording.sample_time < _LATEST - 2.0 * _LATE_STEP:
         return 0.0
-    most = int(_FOUND_BY_A_FIT / recording.sample_time)
+    most = int(_LATEST_OF_FIT / recording.sample_time)
     found = range(-most, most + 1)
-    # What a step or few turns of a square wave leave may be rounding, at any time.
+    # For a step or a square wave the residual may be rounding at any delay.
     if min(left(delay)[0] for delay in found) <= _ON_TIME * left(best)[1]:
         return 0.0
     is_clear = share(best) < _FITS_LATER * min(map(share, found))
@@ -154,7 +153,7 @@ def input_lateness(recording: Recording) -> float:
 
 
 def scales_apart(recording: Recording) -> tuple[float, float]:
-    """By how much more the link moves than the motor than mechanics allow, and its error; or 0."""
+    """Return the scale error of link to motor and its standard error; 0 if none is clear."""
     smoothed = smoothing(recording)
     motor, link = recording.motor_position, recording.link_position
     turns = recording.joint == "revolute"
@@ -169,9 +168,9 @@ def scales_apart(recording: Recording) -> tuple[float, float]:
     return (share, error) if named and beside < _EXPLAINED * left else (0.0, 0.0)
 
 
-@lru_cache(maxsize=1)  # directions, scales and a late input are asked of the same one
+@lru_cache(maxsize=1)  # several checks smooth the same recording
 def smoothing(recording: Recording) -> Smoothing | None:
-    """What smooths the noise of both encoders; None where a recording is too short for it."""
+    """Return a smoothing wide enough for the noise of both encoders; None for a short recording."""
     motor, link = recording.motor_position, recording.link_position
     sensed = motor if link is None else link
     width = max(map(best_half_window, [motor] if link is None else [motor, link]))
@@ -181,7 +180,7 @@ def smoothing(recording: Recording) -> Smoothing | None:
 
 
 class Smoothing:
-    """A Gaussian kernel with its derivatives, at every so many samples as it makes much alike."""
+    """Gaussian smoothing and derivatives, evaluated once per width of the kernel."""
 
     def __init__(self, width: int, sample_time: float) -> None:
         reach = int(_REACH * width) + 1
@@ -200,12 +199,12 @@ class Smoothing:
         return windows[:: self.step] @ self.kernels[derivative]
 
     def sign(self, position: FloatArray) -> FloatArray:
-        """Smoothed sign of a position's velocity."""
+        """Return the smoothed sign of a position's velocity."""
         return self(np.sign(velocity(position, self._time, self.step)))
 
 
 def left_over(target: FloatArray, *signals: Sequence[FloatArray]) -> float:
-    """Squares of a signal that others and a constant leave unexplained."""
+    """Return the residual squares of a least-squares fit of a signal by others and a constant."""
     matrix, _ = _scaled([np.ones_like(target), *chain(*signals)])
     solution = np.linalg.lstsq(matrix, target, rcond=1e-10)[0]
     return float(np.sum((target - matrix @ solution) ** 2))
@@ -214,7 +213,7 @@ def left_over(target: FloatArray, *signals: Sequence[FloatArray]) -> float:
 def own_share(
     target: FloatArray, regressor: FloatArray, others: Sequence[FloatArray]
 ) -> tuple[float, float]:
-    """A regressor's own share in a target, beside others, and its standard error (jackknife)."""
+    """Return the coefficient of a regressor among others, and its jackknife standard error."""
     matrix, sizes = _scaled([regressor, *others, np.ones_like(regressor)])
 
     def share(left_out: NDArray[np.intp]) -> float:
@@ -227,7 +226,7 @@ def own_share(
 
 
 def _scaled(signals: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Signals as columns of one size, and their sizes."""
+    """Signals as columns of unit norm, and their norms."""
     matrix = np.column_stack(signals)
     sizes = np.linalg.norm(matrix, axis=0)
     sizes[sizes == 0.0] = 1.0

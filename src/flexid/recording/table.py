@@ -1,9 +1,9 @@
-"""Columns of a file as numbers, every bad cell with its place, and its clock in seconds.
+"""Columns of a file as numbers, with the place of a bad cell in errors, and time in seconds.
 
-Time stamps are numbers in some unit, dates with times, or times of day. They are read by Polars
-into whole nanoseconds, and only what is left after the first one is taken off them becomes a
-floating-point number: of 1.7e9 s since 1970 that would keep 0.2 µs. So are numbers that count from
-long ago, as integers or as decimals.
+Time stamps are numbers in some unit, dates with times, or times of day. Polars reads stamps as
+whole nanoseconds. The first one is subtracted before they become floating-point numbers, because
+the resolution at 1.7e9 s since 1970 is 0.2 µs only. The same is done with numbers that count from
+long ago, as integers or decimals.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def is_number(cell: str) -> bool:
 
 
 def decimal_mark(frame: polars.DataFrame) -> str:
-    """The decimal mark of cells that are text, a point before any comma; empty if none shows it."""
+    """Return the decimal mark of text cells: a point if any cell has one, a comma, or none ("")."""
     import polars as pl
 
     mark = ""
@@ -58,7 +58,7 @@ def decimal_mark(frame: polars.DataFrame) -> str:
 
 
 def line_of(first: int, index: int, left_out: Collection[int]) -> int:
-    """Where a row stands, whose number from 0 does not count the lines that were left out."""
+    """Return the line of a row from its index, which does not count lines that were left out."""
     line = first + index
     for other in left_out:
         line += other <= line
@@ -67,35 +67,35 @@ def line_of(first: int, index: int, left_out: Collection[int]) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Columns of a file, not yet numbers."""
+    """Columns of a file, before conversion to numbers."""
 
     file: str  # as its path was given
-    frame: polars.DataFrame  # text columns of a text file, else typed ones
+    frame: polars.DataFrame  # columns of text for a text file, else of their types
     sha256: str = ""  # digest of the file's bytes
-    header: str = ""  # where the names of the columns stand, such as "line 1"
-    first_row: int = 1  # number of the first row of values, as `row_word` counts
+    header: str = ""  # place of the column names, such as "line 1"
+    first_row: int = 1  # number of the first row of values, in lines or rows as `row_word` states
     row_word: str = "row"  # "line" for a text file
-    warnings: tuple[str, ...] = ()  # what was not read of it
-    short: Mapping[str, str] = field(default_factory=dict)  # ends of paths that name a channel
-    kinds: Mapping[str, str] = field(default_factory=dict)  # type and length of what it holds
-    # of a part of a stream, whose cells may be no numbers: its decimal mark
+    warnings: tuple[str, ...] = ()  # on parts that were not read
+    short: Mapping[str, str] = field(default_factory=dict)  # by path, its shortest unique end
+    kinds: Mapping[str, str] = field(default_factory=dict)  # type and length by signal
+    # decimal mark of a part of a stream, in which cells may be bad; None for a whole file
     mark: str | None = None
-    left_out: Collection[int] = ()  # lines of a text between its rows that hold no sample
+    left_out: Collection[int] = ()  # lines between the rows of a text that are no samples
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the columns, as they stand in the file."""
+        """Names of the columns, as in the file."""
         return tuple(self.frame.columns)
 
     @property
     def listing(self) -> str:
-        """What the file holds: the names, with type and length where the format has them."""
+        """Content of the file for a message: names, with type and length if the format has them."""
         if not self.kinds:
             return quoted(self.names)
         return first_of([f"{cut(name)!r} ({kind})" for name, kind in self.kinds.items()])
 
     def short_name(self, name: str) -> str:
-        """The part of a column's name by which a channel is recognised."""
+        """Return the part of a column's name by which a channel is recognised."""
         return self._short_names.get(name, name)
 
     @cached_property
@@ -103,11 +103,11 @@ class Table:
         return self.short or shortest_ends(self.names)
 
     def place(self, index: int, name: str) -> str:
-        """Where the value of column `name` in row `index` (from 0) stands in the file."""
+        """Return the place in the file of row `index` (from 0) in column `name`, for a message."""
         return f"{self.row_word} {line_of(self.first_row, index, self.left_out)}, column {name!r}"
 
     def numbers(self, name: str, *, holes: bool = False) -> FloatArray:
-        """A column as finite numbers, shape (n,); with holes, empty cells are NaN."""
+        """Return a column as finite numbers, shape (n,); with `holes`, empty cells are NaN."""
         import polars as pl
 
         column = self.frame[name]
@@ -116,9 +116,9 @@ class Table:
         is_text = column.dtype == pl.String
         if self.row_word == "row" and not column.dtype.is_numeric():
             raise self._not_numeric(name, f"values of type {column.dtype}")
-        # Of a stream a few cells come at a time, for which an operation of Polars takes too long.
+        # Parts of a stream have few cells, for which operations of Polars are too slow.
         if is_text and self.mark is not None:
-            cells = [_plain(cell, self.mark) for cell in column]
+            cells = [_with_point(cell, self.mark) for cell in column]
             numbers = pl.Series(cells, dtype=pl.String).cast(pl.Float64, strict=False)
             return np.require(numbers.to_numpy(), np.float64, "W")
         numbers = column.cast(pl.Float64, strict=False)
@@ -129,20 +129,20 @@ class Table:
                 column = column.str.replace(",", ".", literal=True)
             numbers = column.cast(pl.Float64, strict=False)
         values = np.require(numbers.to_numpy(), np.float64, "W")
-        with np.errstate(all="ignore"):  # of numbers too large to be added
+        with np.errstate(all="ignore"):  # the sum may overflow
             total = values.sum()
-        # It is finite only if all numbers are, and faster than asking each.
+        # The sum is finite only if all numbers are, and faster than a test of each.
         if not (np.isfinite(total) or np.isfinite(values).all()):
             bad = ~np.isfinite(values)
             if holes:
                 bad &= ~self._is_hole(name)
                 values[~np.isfinite(values) & ~bad] = np.nan
             if bad.any():
-                raise self._no_number(name, np.flatnonzero(bad).tolist())
+                raise self._cell_error(name, np.flatnonzero(bad).tolist())
         return values
 
     def _is_hole(self, name: str) -> NDArray[np.bool_]:
-        """Which cells of a column say that there is no value."""
+        """Mask of the cells of a column that are empty or mark a missing value."""
         import polars as pl
 
         column = self.frame[name]
@@ -152,11 +152,11 @@ class Table:
 
     @cached_property
     def has_decimal_commas(self) -> bool:
-        """Whether the numbers of a text have decimal commas."""
+        """Whether the numbers of a text file have decimal commas."""
         return decimal_mark(self.frame) == ","
 
-    def _no_number(self, name: str, bad: list[int]) -> RecordingError:
-        """What is wrong with the first of some cells."""
+    def _cell_error(self, name: str, bad: list[int]) -> RecordingError:
+        """Error for the first of some bad cells."""
         reason = _bad_cell(self.frame[name][bad[0]])
         if bad[1:] and reason.endswith("remove the row"):
             reason += f", and {len(bad) - 1} more of the column that are no numbers"
@@ -171,8 +171,8 @@ class Table:
         )
 
 
-def _plain(cell: str | None, mark: str) -> str | None:
-    """A cell of a stream as Polars writes numbers; with decimal commas a point is none."""
+def _with_point(cell: str | None, mark: str) -> str | None:
+    """Cell of a stream with a decimal point; if commas are the mark, points make it invalid."""
     if cell is None:
         return None
     text = cell.strip()
@@ -182,14 +182,14 @@ def _plain(cell: str | None, mark: str) -> str | None:
 
 
 def _bad_cell(cell: object) -> str:
-    """Say what is wrong with a cell that is no finite number."""
+    """Reason for refusing a cell that is not a finite number."""
     if cell is None or (isinstance(cell, str) and not cell.strip()):
         return _EMPTY
     text = str(cell).strip()
     shown = cut(text, 24)
     if re.fullmatch(DECIMAL_COMMA, text):
         return (
-            f"{shown!r} has a comma, and it cannot be known whether that of a decimal or between "
+            f"{shown!r} has a comma, which may be a decimal comma or one between "
             f"thousands: export with decimal points"
         )
     with suppress(ValueError):
@@ -201,9 +201,9 @@ def _bad_cell(cell: object) -> str:
     )
 
 
-LONG_AGO = 1e8  # s beyond which a clock counts from long ago, and the log from its own beginning
+LONG_AGO = 1e8  # s: a clock that starts later counts from long ago, so the log starts at zero
 
-_DATES = {  # the years are those that 64 bits of nanoseconds hold
+_DATES = {  # the range of years is that of 64-bit nanoseconds
     r"(?:1[789]|2[01])\d\d-\d\d-\d\d": "%Y-%m-%d",
     r"(?:1[789]|2[01])\d\d/\d\d/\d\d": "%Y/%m/%d",
     r"\d\d?\.\d\d?\.(?:1[789]|2[01])\d\d": "%d.%m.%Y",
@@ -215,10 +215,10 @@ _DAYS = r"\d+ days?,? "  # before a time of day, as Python writes a duration
 _STAMP = re.compile(rf"\s*(?:({'|'.join(_DATES)})([T ])|{_DAYS})?{_TIME}({_ZONE})?\s*")
 _OF_DAY = "%H:%M:%S%.f"
 _LONGEST = 48  # characters of a stamp
-_SINCE_1970 = (1e18, 2**63)  # nanoseconds, from 2001 on; any other unit has no such numbers
-_OF_WINDOWS = "0.1 us"  # since 1601
-_LARGEST = 2**62  # differences up to which those of integers do not wrap
-_PLACES = 12  # behind the point of a decimal that is read exactly, of 38 digits in all
+_SINCE_1970 = (1e18, 2**63)  # ns, from the year 2001; times in other units are smaller
+_OF_WINDOWS = "0.1 us"  # ticks since 1601
+_LARGEST = 2**62  # largest difference of integers that does not overflow
+_PLACES = 12  # decimal places that are read exactly, of 38 digits in all
 _DAY = 86_400
 _PER_SECOND = {"ns": 10**9, "us": 10**6, "ms": 10**3}
 
@@ -233,18 +233,18 @@ def is_stamp(cell: str) -> bool:
 
 
 def _form_of(cell: str) -> str | None:
-    """The format of a stamp, as Polars spells it; None of what is none."""
+    """Format of a time stamp, in the notation of Polars; None for other text."""
     found = _STAMP.fullmatch(cell) if len(cell) <= _LONGEST else None
     if found is None or found[1] is None:
-        return _OF_DAY if found else None  # of a time of day the zone says nothing
+        return _OF_DAY if found else None  # the zone of a time of day is ignored
     date = next(form for pattern, form in _DATES.items() if re.fullmatch(pattern, found[1]))
     return f"{date}{found[2]}{_OF_DAY}{'%#z' if found[3] else ''}"
 
 
 def _ticks(cells: polars.Series, form: str) -> polars.Series:
-    """Nanoseconds since 1970 in UTC, or since midnight; null where a cell is otherwise."""
+    """Nanoseconds since 1970 in UTC, or since midnight; null for cells of another format."""
     text = cells.str.strip_chars().str.replace(",", ".", literal=True)
-    if form == _OF_DAY:  # days are counted at midnights
+    if form == _OF_DAY:  # `Clock` counts the days by the midnights
         time = text.str.extract(rf"^(?:{_DAYS})?({_TIME})")
         ticks = time.str.to_time(form, strict=False).to_physical()
     else:
@@ -255,27 +255,27 @@ def _ticks(cells: polars.Series, form: str) -> polars.Series:
 
 
 class Clock:
-    """What the time of a log is counted from, the same in each of its parts."""
+    """Conversion of a log's time to seconds, with one origin for all parts of a stream."""
 
     def __init__(self, *, since_1970: bool = False) -> None:
         self._since_1970 = since_1970
         self._origin: int | None = None  # tick from which time stamps are counted
         self._origins: dict[str, Any] = {}  # by column, the number from which others are counted
-        self._form: str | None = None
-        self._is_known = False  # whether the time is stamps of this form, or no stamps
-        self._rows = 0  # that were counted
+        self._form: str | None = None  # format of the time stamps
+        self._is_known = False  # whether the format is decided; it may be None
+        self._rows = 0  # number of rows so far, of a log without time stamps
         self._last: int | None = None  # tick of the last time of day
         self._days = 0  # midnights since the first one
 
     def stamped(self, table: Table, header: str) -> FloatArray | None:
-        """Seconds of a column of time stamps; None where it holds anything else."""
+        """Return a column of time stamps in s; None if it has none."""
         import polars as pl
 
         column = table.frame[header]
         dtype = column.dtype
         if dtype == pl.String:
             if not self._is_known:
-                self._take_form(column, is_stream=table.mark is not None)
+                self._decide_format(column, is_stream=table.mark is not None)
             if self._form is None:
                 return None
             ticks, per_second = _ticks(column, self._form), 10**9
@@ -293,8 +293,8 @@ class Clock:
         seconds[ticks.is_not_null().to_numpy()] = self._seconds(found, per_second)
         return seconds
 
-    def _take_form(self, column: polars.Series, *, is_stream: bool) -> None:
-        """Decide how the stamps are written: as the first cell; of a stream, as most."""
+    def _decide_format(self, column: polars.Series, *, is_stream: bool) -> None:
+        """Decide the format of the stamps: that of the first cell, or the usual one of a stream."""
         if is_stream:
             found = _usual_form(column)
         else:
@@ -303,12 +303,12 @@ class Clock:
         self._form, self._is_known = found, found is not None or is_stream
 
     def counted(self, rows: int) -> FloatArray:
-        """Numbers of the next so many rows, from 0."""
+        """Return the numbers of the next `rows` rows, counted from 0."""
         self._rows += rows
         return np.arange(self._rows - rows, self._rows, dtype=np.float64)
 
     def unit_of_count(self, table: Table, header: str) -> str | None:
-        """The unit that numbers without one can only have: as ROS counts, or Windows."""
+        """Return the unit of large integers, such as times of ROS or Windows; None for others."""
         count = str(next(iter(table.frame[header].drop_nulls().head(1)), None)).strip()
         least, most = _SINCE_1970
         if not re.fullmatch(r"\d{18,19}", count) or int(count) >= most:
@@ -316,7 +316,7 @@ class Clock:
         return "ns" if int(count) >= least else _OF_WINDOWS
 
     def numbers(self, table: Table, header: str, scale: float) -> FloatArray:
-        """Numbers of a column of so many s each, from the first one on where that is long ago."""
+        """Return a column of times in units of `scale` s, counted from the first if long ago."""
         import polars as pl
 
         found = table.numbers(header)
@@ -332,7 +332,7 @@ class Clock:
         return np.require((exact - origin).cast(pl.Float64).to_numpy(), np.float64, "W")
 
     def _seconds(self, ticks: NDArray[np.int64], per_second: int) -> FloatArray:
-        """Ticks as s since the first of all, exact where they are not centuries apart."""
+        """Ticks in s since the first one; differences are exact within a century."""
         if self._origin is None:
             self._origin = int(ticks[0]) if not self._since_1970 and len(ticks) else 0
         apart = ticks.astype(np.float64) - self._origin
@@ -341,7 +341,7 @@ class Clock:
         return apart / per_second
 
     def _over_midnight(self, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Times of day, each of the day in which it is nearest to the one before."""
+        """Times of day as ticks over midnights: each on the day closest to its predecessor."""
         if not len(ticks):
             return ticks
         day = _DAY * 10**9
@@ -352,7 +352,7 @@ class Clock:
         return ticks + day * days
 
     def _check(self, table: Table, header: str, ticks: polars.Series) -> None:
-        """Raise at the first cell that is no time stamp."""
+        """Raise for the first cell that is not a time stamp."""
         if not ticks.null_count():
             return
         column = table.frame[header]
@@ -368,7 +368,7 @@ class Clock:
 
 
 def _usual_form(column: polars.Series) -> str | None:
-    """How most cells are written that are time stamps, if these are more than the numbers."""
+    """Most frequent format of time stamps, if there are more stamps than numbers."""
     cells = [cell for cell in column if cell is not None]
     forms = Counter(form for form in map(_form_of, cells) if form is not None)
     is_stamped = forms.total() > sum(map(is_number, cells))
@@ -376,7 +376,7 @@ def _usual_form(column: polars.Series) -> str | None:
 
 
 def _exact(table: Table, header: str) -> polars.Series | None:
-    """Decimals or integers, of which floating-point numbers may keep too few digits."""
+    """Decimals or integers of a column at full precision; None if it has others."""
     import polars as pl
 
     column = table.frame[header]

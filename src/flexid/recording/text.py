@@ -1,4 +1,4 @@
-"""From the bytes of a text file to columns of text, every bad row with its line."""
+"""Reading of text files as columns of text, with the line of a bad row in errors."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from flexid.recording.table import Table, line_of
 if TYPE_CHECKING:
     import polars
 
-MINUS = "\N{MINUS SIGN}".encode()  # as some languages' formats write it before a number
+MINUS = "\N{MINUS SIGN}".encode()  # written before numbers in some locales
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 COMMENT_MARKS = tuple(mark.encode() for mark in COMMENTS)
 
@@ -31,7 +31,7 @@ _STANDARD_INPUT = Path("-")
 
 _CLOSED_QUOTE = "text follows a quotation mark within a cell: remove one"
 _OPEN_QUOTE = "a quotation mark opens on this line and does not close on it: remove it"
-_OTHERS = {  # what else flexid reads, and where it belongs
+_NO_LOGS = {  # other files, with a message
     ".toml": "this is a TOML file, not a log: a column map is given with --columns",
     ".json": "this is a JSON file, not a log: export the log as CSV or Parquet",
     ".jsonl": "these are lines of JSON, not a log: export the log as CSV or Parquet",
@@ -39,7 +39,7 @@ _OTHERS = {  # what else flexid reads, and where it belongs
 
 
 def read_table(path: Path) -> Table:
-    """A text file as columns of text; ``-`` is standard input."""
+    """Return a text file as columns of text; ``-`` is standard input."""
     file = "standard input" if path == _STANDARD_INPUT else shown(path)
     refuse = partial(RecordingError, file, "")
     if os.path.isdir(path) and any(one.suffix in (".zst", ".zstd") for one in path.iterdir()):
@@ -53,8 +53,8 @@ def read_table(path: Path) -> Table:
         raw = read_bytes(path, LARGEST_FILE, "a log", refuse, shorten=remedy)
     if not raw.strip():
         raise refuse("the file is empty: export the log again")
-    if path.suffix.lower() in _OTHERS:
-        raise refuse(_OTHERS[path.suffix.lower()])
+    if path.suffix.lower() in _NO_LOGS:
+        raise refuse(_NO_LOGS[path.suffix.lower()])
     found = looks_like(raw)
     if found is not None:
         raise refuse(f"this is {found.what}: rename it so that it ends in {found.suffixes[0]}")
@@ -62,7 +62,7 @@ def read_table(path: Path) -> Table:
 
 
 def read_text(file: str, raw: bytes) -> Table:
-    """A text in UTF-8, in UTF-16, or in Latin-1 as columns of text."""
+    """Return a text in UTF-8, UTF-16 or Latin-1 as columns of text."""
     text = as_utf_8(file, raw)
     layout = layout_of(file, text)
     body = _rows(text[layout.start :])
@@ -72,7 +72,7 @@ def read_text(file: str, raw: bytes) -> Table:
     check_cells(file, body.count(b"\n") + 1, len(layout.names))
     header = text.split(b"\n", layout.header_line)[layout.header_line - 1].strip()
     frame = None if b'"' in body or b"\n" + header in body else _frame(layout, body)
-    if frame is None or frame[layout.names[-1]].null_count():  # as of a row that is too short
+    if frame is None or frame[layout.names[-1]].null_count():  # a row may be too short
         is_cut = not text.endswith(b"\n")
         layout, body = _samples(file, layout, body, header.decode(errors="replace"), is_cut=is_cut)
         frame = _frame(layout, body)
@@ -84,10 +84,10 @@ def read_text(file: str, raw: bytes) -> Table:
 
 
 def _warnings(file: str, layout: Layout) -> Iterator[str]:
-    """What was not read of a text."""
+    """Warnings of the lines of a text that were not read."""
     for (first, last), why in layout.skipped.items():
         lines = f"line {first} was" if first == last else f"lines {first} to {last} were"
-        yield f"{file}: {lines} not read, since {why}: check that they do"
+        yield f"{file}: {lines} not read, since {why}: check this"
     if layout.left_out:
         first, more = min(layout.left_out), len(layout.left_out) - 1
         lines = f"line {first} and {more} more were" if more else f"line {first} was"
@@ -98,7 +98,7 @@ def _warnings(file: str, layout: Layout) -> Iterator[str]:
 def _samples(
     file: str, layout: Layout, body: bytes, header: str, *, is_cut: bool
 ) -> tuple[Layout, bytes]:
-    """Rows without lines that hold no sample, nor half a one at a cut; raise at another width."""
+    """Remove lines without a sample, and half a last row; raise for rows of another width."""
     kept: list[str] = []
     left_out: dict[int, str] = {}
 
@@ -107,7 +107,7 @@ def _samples(
         for number, line in enumerate(text.split("\n"), layout.first_line):
             bare = line.strip()
             if not bare or bare == header or bare.startswith(COMMENTS):
-                why = _no_sample(layout, header, line)
+                why = _why_no_sample(layout, header, line)
                 if why:
                     left_out[number] = why
                     continue
@@ -130,7 +130,7 @@ def _samples(
                 break
             done += 1
     except csv.Error as error:
-        # The end of the file, or of the longest cell, is reached within a quotation.
+        # Otherwise the end of the file, or of the longest cell, is within a quotation.
         is_open = "expected after" not in str(error)
         fault = _OPEN_QUOTE if is_open else _CLOSED_QUOTE
     if fault:
@@ -143,8 +143,8 @@ def _samples(
     return replace(layout, left_out=left_out), "\n".join(kept).encode()
 
 
-def _no_sample(layout: Layout, header: str, line: str) -> str:
-    """Why a line that is blank, the header or marked holds no sample, unless it is a row."""
+def _why_no_sample(layout: Layout, header: str, line: str) -> str:
+    """Reason why a line is not a sample: blank, a header or a comment; empty if it is a row."""
     bare = line.strip()
     if not bare or bare == header:
         return "the column names once more" if bare else "blank"
@@ -153,12 +153,12 @@ def _no_sample(layout: Layout, header: str, line: str) -> str:
 
 
 def _one_blank(text: bytes) -> bytes:
-    """Lines with one blank between two cells and none around them."""
+    """Text with single blanks between cells, and none at the ends of lines."""
     return re.sub(rb"(?m)^ +| +$", b"", re.sub(rb"[ \t\r]+", b" ", text))
 
 
 def _frame(layout: Layout, body: bytes) -> polars.DataFrame | None:
-    """Cells of rows, where these are a table."""
+    """Cells of rows as text; None if they do not form a table."""
     import polars as pl
 
     try:
@@ -172,7 +172,7 @@ def _frame(layout: Layout, body: bytes) -> polars.DataFrame | None:
 
 
 def _rows(text: bytes) -> bytes:
-    """Rows without what follows the last: blank lines, comments, and rows of empty cells."""
+    """Rows without trailing blank lines, comments, and rows of empty cells."""
     end = len(text)
     while end > 0:
         start = text.rfind(b"\n", 0, end) + 1
@@ -187,9 +187,9 @@ _CONTROLS = bytes((*range(9), *range(14, 32)))
 
 
 def check_text(file: str, raw: bytes) -> None:
-    """Raise where bytes are those of no text, nor of one that is in UTF-16."""
+    """Raise if bytes are not text in UTF-8 or Latin-1."""
     sample = raw[:65536]
-    sample = sample.rstrip(b"\0") or sample  # a file that was not closed may end so
+    sample = sample.rstrip(b"\0") or sample  # a file that was not closed may have trailing zeros
     controls = len(sample) - len(sample.translate(None, _CONTROLS))
     if b"\0" in sample or controls > 0.01 * len(sample):
         raise RecordingError(
@@ -201,7 +201,7 @@ def check_text(file: str, raw: bytes) -> None:
 
 
 def as_utf_8(file: str, raw: bytes) -> bytes:
-    """The text as UTF-8 without byte-order mark, with line feeds, and a hyphen for a minus."""
+    """Return a text as UTF-8 without byte-order mark, with line feeds and ASCII minus signs."""
     encoding = _utf_16(raw)
     if encoding:
         try:
@@ -211,7 +211,7 @@ def as_utf_8(file: str, raw: bytes) -> bytes:
                 file, "", "the text is damaged UTF-16: save the file as UTF-8"
             ) from None
     check_text(file, raw)
-    text = raw.replace(b"\xef\xbb\xbf", b"")  # also where two files were joined
+    text = raw.replace(b"\xef\xbb\xbf", b"")  # everywhere, since joined files have several
     if not text.isascii():
         try:
             text.decode("utf-8")
@@ -222,7 +222,7 @@ def as_utf_8(file: str, raw: bytes) -> bytes:
 
 
 def _utf_16(raw: bytes) -> str:
-    """The kind of UTF-16 in which a text is, also without a byte-order mark; empty for others."""
+    """Codec of a UTF-16 text, with or without byte-order mark; empty for other texts."""
     if raw.startswith(UTF_16):
         return "utf-16"
     sample = raw[:4096]

@@ -1,4 +1,4 @@
-"""Velocities from positions: a zero-phase smoothing differentiator that chooses its own window."""
+"""Velocities from positions, by zero-phase smoothing with a window chosen from the data."""
 
 import hashlib
 from collections.abc import Callable, Sequence
@@ -13,32 +13,32 @@ from flexid.arrays import FloatArray
 from flexid.recording.recording import Draft, Rank, Recording
 
 DEGREE = 5  # of the local polynomials
-ORDER = 8  # of the differences that tell noise from motion
+ORDER = 8  # of the differences that separate noise from motion
 BLOCK = 64  # samples per local estimate of the noise
 WINDOW_RATIO = 1.25  # between one candidate half-window and the next
-FEWEST_BLOCKS = 10  # whose means tell a motion from noise
-LAGS = 10  # in samples, within which a sampled resonance is like itself
-_KEPT = 64  # channels of which something is known
-CHANCE = 6.0  # standard deviations by which noise scatters more than it should
+FEWEST_BLOCKS = 10  # blocks whose means distinguish motion from noise
+LAGS = 10  # samples: lags at which a sampled resonance is correlated
+_CACHED = 64  # channels whose results are cached
+CHANCE = 6.0  # standard deviations: threshold of the tests for white noise
 _AT_REST = 8.0  # standard deviations of a position's noise: two of 1e5 samples differ by 6
-_FAINT = 0.05  # of a position's range, from which on rest cannot be told from a slow start
-_REST_KEPT = 0.1  # of the motion, at either end: rest tells that friction holds, and no more
+_FAINT = 0.05  # noise over a position's range, above which rest resembles a slow start
+_REST_KEPT = 0.1  # rest kept at either end, over the motion: longer rest only adds noise
 
 
 R = TypeVar("R")
 
 
 def once_per_channel(function: Callable[[FloatArray], R]) -> Callable[[FloatArray], R]:
-    """Keep what a function makes of a channel: a log is checked, cut and fitted by the same."""
+    """Cache a function of a channel, since several steps of an identification need its results."""
     kept: dict[bytes, R] = {}
 
     @wraps(function)
     def wrapper(values: FloatArray) -> R:
         key = hashlib.sha256(values.tobytes()).digest()
-        found = kept.get(key)  # once: another thread may clear what is kept
+        found = kept.get(key)  # a single access: another thread may clear the cache
         if found is None:
             found = function(values)
-            if len(kept) >= _KEPT:
+            if len(kept) >= _CACHED:
                 kept.clear()
             kept[key] = found
         return found
@@ -50,9 +50,9 @@ def once_per_channel(function: Callable[[FloatArray], R]) -> Callable[[FloatArra
 def position_noise(position: FloatArray) -> float:
     """Standard deviation of the measurement noise of a position, in its unit.
 
-    It is white, what differences of order eight leave, by the median over blocks, which a jump does
-    not move. An encoder's steps count as the uniform noise they resemble, LSB / sqrt(12). Noise
-    that a filter in the drive has smoothed is underestimated.
+    The noise is assumed white, and estimated from differences of order eight. The median over
+    blocks is robust to jumps. The resolution of an encoder counts as uniform noise, LSB / sqrt(12).
+    Noise that a filter in the drive has smoothed is underestimated.
     """
     if len(position) <= ORDER:
         return 0.0
@@ -63,10 +63,10 @@ def position_noise(position: FloatArray) -> float:
 
 
 def while_moving(positions: Sequence[FloatArray]) -> slice:
-    """What positions, each of shape (n,), show of a motion, with a little of the rest about it.
+    """Return the samples in which positions, each of shape (n,), move, with a little rest.
 
-    Long before and after it nothing but noise happens, by which the motion is outweighed. Of a
-    motion that is faint beside its noise nobody can say when it began.
+    Long rest before and after the motion adds only noise. If the motion is small compared with
+    its noise, its beginning is uncertain, and all samples are returned.
     """
     count = len(positions[0])
     first, last = count, 0
@@ -85,14 +85,14 @@ def while_moving(positions: Sequence[FloatArray]) -> slice:
 
 
 def is_noise(values: FloatArray) -> bool:
-    """Whether a signal is white noise about a constant: nothing in it repeats, nor lasts.
+    """Whether a signal is white noise about a constant.
 
-    So its means over blocks scatter, and so it is correlated with itself by chance alone: a joint
-    that is sampled a few times in a period of its resonance swings from one sample to the next.
+    Its autocorrelation and the scatter of its means over blocks must not exceed chance. The
+    autocorrelation reveals a resonance that is sampled only a few times per period.
     """
     count = len(values)
     if count < 4 * FEWEST_BLOCKS or np.var(np.diff(values)) < np.var(values):
-        return False  # neighbours are alike, of which few blocks may not tell
+        return False  # neighbouring samples are correlated, or there are too few
     about = values - values.mean()
     alike = np.array([about[lag:] @ about[:-lag] for lag in range(1, LAGS + 1)])
     # Box and Pierce, Journal of the American Statistical Association 65 (1970): chi-squared.
@@ -111,14 +111,14 @@ def is_noise(values: FloatArray) -> bool:
 
 
 def encoder_step(position: FloatArray) -> float:
-    """The step of the encoder, or zero if the position is not quantised."""
+    """Return the resolution of the encoder, or zero if the position is not quantised."""
     changes = np.abs(np.diff(position))
     changes = changes[changes > 1e-9 * float(np.ptp(position))]
     if len(changes) == 0:
         return 0.0
     step = float(changes.min())
     multiples = changes / step
-    # Values printed with few digits are off the grid by a rounding error.
+    # The tolerance allows for rounding of printed values.
     whole = np.rint(multiples)
     if np.abs(multiples - whole).max() >= 0.05:
         return 0.0
@@ -126,7 +126,7 @@ def encoder_step(position: FloatArray) -> float:
 
 
 def with_velocities(recording: Recording) -> Recording:
-    """The recording with velocities: measured ones kept, missing ones derived."""
+    """Return the recording with velocities: missing ones are derived from the positions."""
     dt = recording.sample_time
     link, motor = recording.link_velocity, recording.motor_velocity
     position = recording.link_position
@@ -140,46 +140,46 @@ def with_velocities(recording: Recording) -> Recording:
 def velocity(
     position: FloatArray, sample_time: float, half_window: int | None = None
 ) -> FloatArray:
-    """The derivative of a noisy position per s, shape (n,), without phase shift.
+    """Return the derivative of a noisy position, per s, shape (n,), without phase shift.
 
     Polynomials are fitted to a window centred on each sample (Savitzky and Golay, Analytical
-    Chemistry 36, 1964), whose expected error is the least: the variance follows from the noise of
-    the position, the squared bias from what a window of half the width gives otherwise, less the
-    part that noise explains. The next narrower one is used: towards wide ones the error grows fast.
+    Chemistry 36, 1964). The window has the least expected squared error. Its variance follows from
+    the noise of the position, its squared bias from the difference to a window of half the width,
+    less noise. The next narrower window is used, since wider ones quickly increase the error.
     """
     half = best_half_window(position) if half_window is None else half_window
     fit, slopes = _polynomials(half, min(DEGREE, 2 * half))
     derivative = np.empty(len(position))
     inner = np.convolve(position, _at_middle(fit, slopes)[::-1], mode="valid")
     derivative[half : len(position) - half] = inner
-    # No window is centred on the first and last samples: the outermost polynomials go on to them.
+    # The first and last samples use the polynomials of the outermost windows.
     derivative[:half] = slopes[:half] @ (fit @ position[: 2 * half + 1])
     derivative[-half:] = slopes[-half:] @ (fit @ position[-2 * half - 1 :])
     return derivative / sample_time
 
 
-@lru_cache  # every channel of a log tries the same windows
+@lru_cache  # all channels of a log try the same windows
 def _polynomials(half: int, degree: int) -> tuple[FloatArray, FloatArray]:
-    """What fits Legendre polynomials to the 2 half + 1 samples of a window, and their slopes there.
+    """Matrices that fit Legendre polynomials to a window of 2 half + 1 samples, and their slopes.
 
-    Their product, shape (2 half + 1, 2 half + 1), is the smoothed derivative, of which only some
-    rows are needed. SciPy has the middle one, in a module whose import takes half a second more.
+    The product of slopes and fit, shape (2 half + 1, 2 half + 1), is the smoothed derivative, of
+    which few rows are needed. SciPy computes the middle row, but its import takes half a second.
     """
     offsets = np.arange(-half, half + 1) / half
-    legendre = np.polynomial.legendre  # well conditioned
+    legendre = np.polynomial.legendre  # a well conditioned basis
     fit = np.asarray(np.linalg.pinv(legendre.legvander(offsets, degree)), dtype=np.float64)
     slopes = legendre.legvander(offsets, degree - 1) @ legendre.legder(np.eye(degree + 1)) / half
     return fit, slopes
 
 
 def _at_middle(fit: FloatArray, slopes: FloatArray) -> FloatArray:
-    """Weights of a window's samples in the slope at its middle."""
+    """Weights of the samples of a window in the slope at its middle."""
     return slopes[len(slopes) // 2] @ fit
 
 
 @once_per_channel
 def best_half_window(position: FloatArray) -> int:
-    """Half the width of the window in samples, as `velocity` explains."""
+    """Return half the width of the best window of `velocity`, in samples."""
     variance = position_noise(position) ** 2
     narrowest, widest = DEGREE // 2 + 1, max(1, (len(position) - 1) // 4)
     if narrowest >= widest:
@@ -200,15 +200,15 @@ def best_half_window(position: FloatArray) -> int:
         if risk < least:
             best, least = int(half), risk
         elif risk > 20.0 * least:
-            break  # much wider windows lose the motion, and then differ little from each other
+            break  # much wider windows lose the motion, and their differences are small
     return max(narrowest, round(best / WINDOW_RATIO))
 
 
-_ACCURACY = 50.0  # a window's motion over the noise of its two ends: 2 %
-_SHORTEST = 40  # windows that a recording has to hold
-_MOST_OFF = 0.1  # of the velocity's size, up to which it is used: what noise and filters make
-_MOST_SCALED = 0.03  # of the scale, the same: 1 % where a filter takes the fast part away
-_KNOWN = {
+_ACCURACY = 50.0  # motion within a window over the noise of its ends: 2 %
+_FEWEST_MEANS = 40  # windows in a recording
+_MOST_OFF = 0.1  # largest relative RMS error of a velocity that is used: noise and filters
+_MOST_SCALED = 0.03  # largest error of its scale: a filter causes 1 %
+_KNOWN_FACTORS = {  # factor of a velocity in another unit than its position, and the remedy
     "revolute": {
         180.0 / np.pi: "deg/s, so write the unit [deg/s]",
         np.pi / 180.0: "rad/s and the position in degrees, so write the units",
@@ -222,20 +222,20 @@ _KNOWN = {
 
 
 def integral(values: FloatArray, time: FloatArray) -> FloatArray:
-    """Integral of a signal on straight lines between its samples, zero at the first."""
+    """Return the trapezoidal integral of a signal, shape (n,), zero at the first sample."""
     steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)
     return np.concatenate(([0.0], np.cumsum(steps)))
 
 
 def is_used(log: Draft, name: str, recordings: Sequence[Recording]) -> bool:
-    """Whether a measured velocity is the derivative of its position; a warning where it is not."""
-    means = [found for one in recordings if (found := _means(one, name)) is not None]
+    """Whether a measured velocity is the derivative of its position; warn if it is not."""
+    means = [found for one in recordings if (found := _window_means(one, name)) is not None]
     if not means:
-        return True  # it hardly moves, so nothing can be said
+        return True  # the motion is too small for a comparison
     measured, own = (np.concatenate(parts) for parts in zip(*means, strict=True))
     size = float(np.sqrt(own @ own))
     slope = float(own @ measured) / size**2
-    for factor, remedy in _KNOWN[log.joint].items():
+    for factor, remedy in _KNOWN_FACTORS[log.joint].items():
         if abs(slope / factor - 1.0) < 0.1 and _share(measured - slope * own, measured) < 0.4:
             times = f"{float(f'{slope:.3g}'):g} times the position's derivative"
             raise log.refusal(name, f"{name} is {times}: it is {remedy}")
@@ -251,15 +251,15 @@ def is_used(log: Draft, name: str, recordings: Sequence[Recording]) -> bool:
     return False
 
 
-def _means(recording: Recording, name: str) -> tuple[FloatArray, FloatArray] | None:
-    """Means of a velocity and of its position's derivative, each about its own mean.
+def _window_means(recording: Recording, name: str) -> tuple[FloatArray, FloatArray] | None:
+    """Means of a velocity and of its position's derivative over windows, less their averages.
 
-    They are taken over the shortest windows that noise allows; None where it allows none.
+    The windows are the shortest that the noise allows; None if it allows none.
     """
     velocity = getattr(recording, name)
     position = getattr(recording, name.replace("velocity", "position"))
     least = _ACCURACY * (np.sqrt(2.0) * position_noise(position))
-    window, longest = 1, len(position) // _SHORTEST
+    window, longest = 1, len(position) // _FEWEST_MEANS
     while window <= longest and np.std(position[window:] - position[:-window]) < least:
         window *= 2
     if window > longest:
@@ -275,5 +275,5 @@ def _means(recording: Recording, name: str) -> tuple[FloatArray, FloatArray] | N
 
 
 def _share(part: FloatArray, whole: FloatArray) -> float:
-    """Size of a part over that of the whole."""
+    """Norm of a part over the norm of the whole."""
     return float(np.sqrt((part @ part) / (whole @ whole)))
