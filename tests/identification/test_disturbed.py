@@ -404,7 +404,7 @@ def test_where_all_data_lead_nowhere_what_was_found_stands(monkeypatch: pytest.M
     monkeypatch.setattr(disturbed, "fit_disturbed_to", diverging_to)
     found = identify([log(pushed(1, link_push=1.0))], Settings())
     assert found.parameters["joint_stiffness"].verdict == "determined"
-    assert any("those of the data before the held-out end" in str(w) for w in found.warnings)
+    assert any("come from the data before the held-out end" in str(w) for w in found.warnings)
 
 
 def test_predictions_begin_anyhow_where_an_observer_runs_away(monkeypatch: pytest.MonkeyPatch):

@@ -1,8 +1,8 @@
-"""The fit of a log that the model does not explain: with disturbances, in the joint's band.
+"""Fit with disturbances, in the joint's band, of a log that the model does not explain.
 
-What no term describes acts as a disturbance of its row (see `flexid.estimators.innovations`), so
-that neither row spoils the other. A disturbance is taken to be random; what is not random about it
-is doubted in `flexid.identification.estimation.disturbed_estimate`.
+Each row has a disturbance for all that no term describes (see `flexid.estimators.innovations`). So
+errors of one row do not affect the other. The fit assumes random disturbances. Systematic parts
+widen the intervals in `flexid.identification.estimation.disturbed_estimate`.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -52,39 +52,39 @@ from flexid.models.flexible_joint import (
 )
 from flexid.recording.recording import Hold
 
-_ROUNDS = 3  # of taking terms away
-# Of what both balances left unexplained before: leaner structures of 15 logs left up to 1.2 times
-# as much, and those of two short ones that had lost a friction or the spring 2.1 and 4.5 times.
+_ROUNDS = 3  # of removing terms
+# Largest ratio of unexplained shares after and before terms are removed. It was up to 1.2 for 15
+# logs, and 2.1 and 4.5 for two short logs that had lost a friction or the spring.
 _NO_MORE = 1.5
-# What a spring does to the link, and the same to the motor.
+# Coefficients of the spring in the link's row, and those in the motor's row.
 _OF_LINK = {SPRING[0]: SPRING[1]} | {
     link: motor
     for term in (TERMS["cubic_stiffness"], SHAPE_TERMS["backlash"])
     for link, motor in zip(term.link, term.motor, strict=True)
 }
-# Share by which play makes the spring stiffer: with less it is no more than an encoder's steps.
+# Least relative increase of the stiffness by play; less may be due to an encoder's steps.
 _LEAST_STIFFER = 0.02
-_WIDTHS = 5  # of play, until it is as wide as its gap
-# Of a balance's acceleration, that a fit leaves unexplained which may have gone astray with all
-# terms. Of 17 logs of odd rigs, a start of few terms led six to a likelier fit.
-_ASTRAY = 0.5
-_SKEWED = 0.5  # share of the deflection's variance that a delay explains, to begin with it
+_WIDTHS = 5  # most fits until the width of play equals its gap
+# Unexplained share of a balance above which the fit of all terms may be in a wrong minimum. On 6 of
+# 17 logs of unusual rigs, a start from few terms led to a likelier fit.
+_WRONG_MINIMUM = 0.5
+_SKEWED = 0.5  # least share of the deflection's variance that a start with a delay explains
 
 
 @dataclass(frozen=True, eq=False)
 class Disturbed:
-    """A structure fitted with disturbances."""
+    """Structure fitted with disturbances."""
 
-    fitted: Fitted  # innovations of the thinned log; values as in a fit of the whole log
-    full: Fitted  # the same with all usual terms
-    terms: tuple[TermEvidence, ...]  # what was kept and what was not
-    sizes: Sizes  # of noise and disturbances
-    # what each row leaves unexplained over its acceleration, root mean squares
+    fitted: Fitted  # fit of the thinned log, with innovations as residuals
+    full: Fitted  # fit with all usual terms
+    terms: tuple[TermEvidence, ...]  # evidence on each term
+    sizes: Sizes  # sizes of noise and disturbances
+    # root mean square of each balance's unexplained part over its acceleration
     shares: Mapping[str, float]
-    factor: int  # of so many samples of the log one was fitted
-    cost: float  # twice the negative logarithm of the likelihood
-    by_play: float = 0.0  # share by which its spring is stiffer if it has play and does not curve
-    by_lost_play: float = 0.0  # the same of play that was likelier than none, if it did not stay
+    factor: int  # thinning factor
+    cost: float  # -2 log likelihood
+    by_play: float = 0.0  # relative increase of the stiffness with play instead of hardening
+    by_lost_play: float = 0.0  # relative increase by play that was likely but was removed later
 
 
 def fit_disturbed(
@@ -96,26 +96,26 @@ def fit_disturbed(
     *,
     with_play: bool,
 ) -> Disturbed:
-    """Fit all usual terms, and play if it is likely; take away what the log does not show."""
+    """Fit all usual terms, and play if it is likely; remove terms that the log does not show."""
     factor = thinning(data, _start(structure, data))
     if LINK in structure.timing.sought:
         skewed = skew(structure.joint, thinned(data, factor, held=False))
-        if skewed.makes_the_deflection:  # and a spring may be anything, with any play
+        if skewed.makes_the_deflection:  # the log then shows neither spring nor play
             with_play = False
-            structure = replace(structure, timing=_given(structure.timing, skewed.delay))
+            structure = replace(structure, timing=_with_link_delay(structure.timing, skewed.delay))
             factor = thinning(data, _start(structure, data))
-    # A low-passed input has no steps; how it runs between samples and its delay look alike.
+    # A low-passed input has no steps, so hold and delay cannot be told apart.
     tried = [structure.with_hold(hold) for hold in (holds if factor == 1 else holds[:1])]
     full = _likeliest(tried, data, factor)
-    if max(_shares(full.fitted, full.sizes).values()) > _ASTRAY:
-        full = min([full, *_from_the_papers_terms(full, data, factor)], key=_cost)
+    if max(_shares(full.fitted, full.sizes).values()) > _WRONG_MINIMUM:
+        full = min([full, *_from_few_terms(full, data, factor)], key=_cost)
     likely = None if structure.joint.kind == "rigid" else likely_play(full.fitted.structure, data)
     by_play, lost = likely.doubt if likely else 0.0, 0.0
     if likely and with_play:
         played, by_play = _with_play(full, likely, data, factor)
         full, lost = played, 0.0 if played is full else by_play
-    best, evidence = _without_what_is_not_shown(full, data, factor, kept, thresholds)
-    if is_damping(best.fitted.by_name):  # which one coefficient says as well as two
+    best, evidence = _with_shown_terms(full, data, factor, kept, thresholds)
+    if is_damping(best.fitted.by_name):  # delay and friction are equivalent to one damping
         without = structure.without({LINK})
         return fit_disturbed(without, data, kept, holds, thresholds, with_play=with_play)
     best = _as_wide_as_its_gap(best, data, factor)
@@ -125,9 +125,9 @@ def fit_disturbed(
 
 
 def _likeliest(tried: Sequence[Structure], data: Data, factor: int) -> FitInBand:
-    """The likeliest fit of any structure from where least squares begins.
+    """Return the likeliest fit of several structures from least-squares starts.
 
-    Where the motion runs away from there, it may not from the next start.
+    If the motion diverges from all of these, further starts are tried.
     """
     begun = (
         (structure, start)
@@ -144,8 +144,8 @@ def _likeliest(tried: Sequence[Structure], data: Data, factor: int) -> FitInBand
     return min(found, key=lambda fit: (not fit.fitted.has_partners, fit.cost))
 
 
-def _from_the_papers_terms(full: FitInBand, data: Data, factor: int) -> Iterator[FitInBand]:
-    """The same structure from where the few terms of the paper lead, if they do."""
+def _from_few_terms(full: FitInBand, data: Data, factor: int) -> Iterator[FitInBand]:
+    """Yield the fit of the full structure started from a fit of the paper's terms alone."""
     structure, of_the_paper = full.fitted.structure, flexible_joint().coefficients
     names = dict.fromkeys(structure.unknowns(data.groups).names, 0.0)
     more = {name for name in names if name.partition("[")[0] not in of_the_paper}
@@ -159,21 +159,21 @@ def _from_the_papers_terms(full: FitInBand, data: Data, factor: int) -> Iterator
 def _fits(
     begun: Iterable[tuple[Structure, Mapping[str, float]]], data: Data, factor: int
 ) -> Iterator[FitInBand]:
-    """Fits from starts, as far as these lead anywhere."""
+    """Yield the fits from starts that converge."""
     for structure, start in begun:
         with suppress(ConvergenceError):
             yield fit_in_band(structure, data, factor, start)
 
 
-def _without_what_is_not_shown(
+def _with_shown_terms(
     full: FitInBand, data: Data, factor: int, kept: Collection[str], thresholds: Thresholds
 ) -> tuple[FitInBand, tuple[TermEvidence, ...]]:
-    """The fit of the terms that the log shows, and what it says of each."""
+    """Return the fit of the terms that the log shows, and the evidence on each term."""
     best, evidence = full, ()
     for chance in (thresholds.term_chance, thresholds.generous_chance):
         asked = replace(thresholds, friction_sign=np.inf, term_chance=chance)
         for _ in range(_ROUNDS):
-            # Every drive has friction. Left out, disturbances and inertias take its part.
+            # Every drive has friction. Without it, disturbances and inertias take its place.
             leaner, own = eliminate(best.fitted, kept, asked, likely=DISSIPATIVE)
             other = _leaner(leaner, best, data, factor)
             if other is None:
@@ -184,7 +184,7 @@ def _without_what_is_not_shown(
 
 
 def _leaner(leaner: Structure, best: FitInBand, data: Data, factor: int) -> FitInBand | None:
-    """The fit of a leaner structure; None if it is none, runs away or leaves clearly more."""
+    """Return the fit of a leaner structure; None if not leaner, diverged or clearly worse."""
     before = best.fitted.structure
     if leaner.absent == before.absent and leaner.timing.sought == before.timing.sought:
         return None
@@ -198,10 +198,10 @@ def _leaner(leaner: Structure, best: FitInBand, data: Data, factor: int) -> FitI
 def _with_play(
     fit: FitInBand, likely: LikelyPlay, data: Data, factor: int
 ) -> tuple[FitInBand, float]:
-    """A fit with play, where the log finds it likelier, or as it is; and the doubt of its spring.
+    """Return the fit with play if it is likelier, otherwise the given fit, and the spring's doubt.
 
-    The doubt is the share by which the spring is stiffer with play. Where the log does not say, it
-    is that by least squares or by the fit, whichever is less.
+    The doubt is the relative increase of the stiffness with play. If neither fit is clearly
+    likelier, it is the lesser of the increases by least squares and by the fit.
     """
     if likely.stiffer < _LEAST_STIFFER:
         return fit, likely.doubt
@@ -209,7 +209,7 @@ def _with_play(
     try:
         played = fit_in_band(likely.structure, data, factor, start)
         played = _as_wide_as_its_gap(played, data, factor)
-        if played.cost > fit.cost + CHANCE:  # perhaps by other sizes alone
+        if played.cost > fit.cost + CHANCE:  # perhaps only since its sizes differ
             structure, start = played.fitted.structure, played.fitted.by_name
             other = fit_in_band(structure, data, factor, start, fit.sizes)
             played = min(played, _as_wide_as_its_gap(other, data, factor), key=_cost)
@@ -226,7 +226,7 @@ def _with_play(
 
 
 def _stiffer(values: Mapping[str, float], link: Mapping[str, float]) -> dict[str, float]:
-    """Values with the spring that least squares finds for the link, in both balances."""
+    """Return values with the link's spring by least squares, in both balances."""
     own = {name: link[name] for name in _OF_LINK if name in link}
     if "alpha1" not in values:
         return {**values, **own}
@@ -236,7 +236,7 @@ def _stiffer(values: Mapping[str, float], link: Mapping[str, float]) -> dict[str
 
 
 def _as_wide_as_its_gap(fit: FitInBand, data: Data, factor: int) -> FitInBand:
-    """The same with play that has the width of its own gap, if it has some that leads there."""
+    """Return the fit with the width of its play equal to its gap, as far as it converges."""
     trail: list[tuple[float, float]] = []
     with suppress(ConvergenceError):
         for _ in range(_WIDTHS):
@@ -254,17 +254,17 @@ def _cost(fit: FitInBand) -> float:
 
 
 def _is_known(fit: FitInBand) -> bool:
-    """Whether steps ended, and blocks are enough for all terms: in a short log they are few."""
+    """Whether the fit converged, and a short log has enough blocks for all terms."""
     return fit.fitted.converged and bool(np.isfinite(fit.fitted.fit.deviations).all())
 
 
 def _leaves_more(leaner: FitInBand, fuller: FitInBand) -> bool:
-    """Whether the balances without some terms leave clearly more, and the log is less likely.
+    """Whether the leaner fit is less likely and leaves clearly more unexplained.
 
-    Sizes that explain all as noise are a minimum of their own, from which fewer terms may lead out.
+    Both are required. A fit may be in a wrong minimum whose sizes explain all motion as noise.
     """
     before, after = (
-        # Where no sizes suit what is left, innovations are larger than these say.
+        # If no sizes fit the residuals, innovations are larger than the sizes predict.
         sum(_shares(f.fitted, f.sizes).values()) * f.fitted.excess**0.5
         for f in (fuller, leaner)
     )
@@ -272,18 +272,18 @@ def _leaves_more(leaner: FitInBand, fuller: FitInBand) -> bool:
 
 
 def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
-    """The same structures fitted to other data of the same drive."""
+    """Fit the same structures to other data of the same drive."""
     structure, factor = found.fitted.structure, found.factor
     own = fit_in_band(structure, data, factor, found.fitted.by_name, found.sizes)
     own = _as_wide_as_its_gap(own, data, factor)
-    full = found.full  # which says what may hide, with two thirds of the data if need be
+    full = found.full  # used for hidden terms if the full fit to these data fails
     with suppress(ConvergenceError):
         fuller = fit_in_band(full.structure, data, factor, full.by_name, own.sizes)
-        if not fuller.fitted.converged:  # what it says of terms that may hide is far off
+        if not fuller.fitted.converged:  # its values of removed terms would be wrong
             other = fit_in_band(full.structure, data, factor, own.fitted.by_name, own.sizes)
             fuller = min(fuller, other, key=_cost)
         full = fuller.fitted
-        if _leaves_more(own, fuller):  # which it did not before: it went astray
+        if _leaves_more(own, fuller):  # a wrong minimum, since it was not worse before
             other = fit_in_band(structure, data, factor, full.by_name, fuller.sizes)
             own = min(own, other, key=_cost)
     shares = _shares(own.fitted, own.sizes)
@@ -292,7 +292,7 @@ def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
 
 
 def follower(found: Disturbed, data: Data) -> Follower:
-    """Predictions of a log, as it was recorded, from where the observer of a fit has got to."""
+    """Return a follower that predicts a log as recorded from the states of the fit's observer."""
     directed = directions(data.samples, 1, found.factor)
     return observer_following(directed, found.sizes, found.factor)
 
@@ -302,7 +302,7 @@ def _start(structure: Structure, data: Data) -> dict[str, float]:
 
 
 def _starts(structure: Structure, data: Data) -> Iterator[dict[str, float]]:
-    """Where to begin: least squares, with the channels as they are, and as a skew puts them."""
+    """Yield least-squares starts: with the channels as logged, and with the encoders aligned."""
     yield _start(structure, data)
     if LINK not in structure.timing.sought or structure.joint.kind != "flexible":
         return
@@ -311,14 +311,14 @@ def _starts(structure: Structure, data: Data) -> Iterator[dict[str, float]]:
         yield {**_start(structure, shifted(data, found.delay)), LINK: found.delay}
 
 
-def _given(timing: Timing, link_delay: float) -> Timing:
-    """The same with the delay of the link's encoder given."""
+def _with_link_delay(timing: Timing, link_delay: float) -> Timing:
+    """Return the timing with the delay of the link's encoder given."""
     sought = tuple(name for name in timing.sought if name != LINK)
     return replace(timing, delays={**timing.delays, LINK: link_delay}, sought=sought)
 
 
 def _shares(fitted: Fitted, sizes: Sizes) -> dict[str, float]:
-    """What each row leaves unexplained: its disturbance, and errors of its sensor beyond noise."""
+    """Return each balance's unexplained share: disturbance and sensor errors beyond noise."""
     data, segments = fitted.data, fitted.problem.segments
     squares, count = np.zeros(len(sizes.disturbances)), 0
     for samples in data.samples:
@@ -329,7 +329,7 @@ def _shares(fitted: Fitted, sizes: Sizes) -> dict[str, float]:
     joint = fitted.structure.joint
     if joint.kind != "rigid":
         moved = np.var(joint.channels_of(segments.outputs, segments.inputs)[:, -1])
-        # Through the spring an error of either position acts on both rows.
+        # An error of either position acts on both rows through the spring.
         beyond = np.sum(np.maximum(sizes.sensors**2 - noise_in_band(data) ** 2, 0.0))
         shares = shares + beyond / max(float(moved), np.finfo(float).tiny)
     names = [_name(row.name) for row in fitted.problem.unknowns.system.rows]
@@ -337,5 +337,5 @@ def _shares(fitted: Fitted, sizes: Sizes) -> dict[str, float]:
 
 
 def _name(row: str) -> str:
-    """The side that a row is the balance of."""
+    """Return the side that a row is the balance of."""
     return "motor" if row == "rigid" else row

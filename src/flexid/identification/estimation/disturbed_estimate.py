@@ -1,9 +1,8 @@
-"""The estimate of a fit with disturbances: its covariance, with all that is doubted about it.
+"""Estimate of a fit with disturbances, with all doubts in its covariance.
 
-What is not random about the disturbances shows as a spread between bands, and between the halves
-of the log: it widens the intervals by as much as it exceeds what chance explains. What repeats
-itself in every band and half, and what no log shows, is a matter of named doubts
-(`flexid.identification.estimation.doubts`).
+Systematic parts of the disturbances show as differences between bands, and between the halves of
+the log. Differences beyond chance widen the intervals. Errors that are the same in every band and
+half, or that no log shows, are covered by doubts (`flexid.identification.estimation.doubts`).
 """
 
 from collections.abc import Sequence
@@ -43,16 +42,16 @@ from flexid.identification.vocabulary.evidence import Estimate
 from flexid.models.flexible_joint import HARDENING
 from flexid.recording.velocities import position_noise
 
-_BANDS = (0.5, 2.0)  # of the usual number of samples per period
-_PAIRS = 2  # of noise of the input and its opposite
+_BANDS = (0.5, 2.0)  # factors of the usual number of samples per period
+_PAIRS = 2  # pairs of noise of the input and its negative
 
 
 def disturbed_estimate(
     found: Disturbed, data: Data, input_unit: str, hidden: FloatArray | float = 0.0
 ) -> tuple[Estimate, dict[str, str]]:
-    """The estimate with all doubts in its covariance, and what makes most of each variance.
+    """Return the estimate with all doubts in its covariance, and the main cause of each variance.
 
-    The covariance of what may hide behind the terms, shape (k, k), is one of them.
+    `hidden` is the covariance, shape (k, k), from removed terms.
     """
     fitted = found.fitted
     estimate = fitted.fit.at_least(fitted.unit_deviations)
@@ -71,7 +70,7 @@ def disturbed_estimate(
         lagged(fitted) if fitted.by_name.get(INPUT, 0.0) < 0.0 else None,
     )
     errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]
-    if fitted.converged:  # or nothing is known that others could contradict
+    if fitted.converged:  # otherwise there is nothing to compare other fits with
         own, halves = Repeat(fitted.values, np.diag(estimate.covariance)), _halves(found, data)
         errors.append((between_bands(own, _in_other_bands(found, data)), OF_A_BAND))
         errors += [(between_halves(*halves), OF_A_HALF)] if halves else []
@@ -84,10 +83,10 @@ def _squares(fitted: Fitted) -> LeastSquaresFit:
 
 
 def pulled(fitted: Fitted, sizes: Sizes, recorded: Sequence[Samples], factor: int) -> FloatArray:
-    """Change of each value in the band, shape (k,), by as much noise of the input's sensor again.
+    """Return the change of each value, shape (k,), if noise of the input's sensor is added again.
 
-    An input that is noisy explains less than it did: least squares takes its gain for too small.
-    Noise and its opposite move the values by chance, and that is left out.
+    Noise of the input makes its gain too small (errors in variables). The mean over pairs of noise
+    and its negative removes the random part of the change.
     """
     noise = _sensor_noise(fitted, sizes, recorded, factor)
     rng = np.random.default_rng(SEED)
@@ -102,10 +101,10 @@ def pulled(fitted: Fitted, sizes: Sizes, recorded: Sequence[Samples], factor: in
 
 
 def _sensor_noise(fitted: Fitted, sizes: Sizes, recorded: Sequence[Samples], factor: int) -> float:
-    """Standard deviation that the noise of an input's sensor may have, as the log was recorded.
+    """Return the largest standard deviation of the input sensor's noise, at the log's rate.
 
-    It is no more than the input's own noise, part of which may have moved the drive. And it is no
-    more than what moves the motor beyond its torque at the resonance, as white noise would.
+    It is at most the noise of the logged input, part of which may have moved the drive. It is also
+    at most the white noise that would explain the motor's disturbance at the resonance.
     """
     gain = abs(fitted.by_name.get("beta1", 0.0))
     if gain == 0.0:
@@ -119,7 +118,7 @@ def _sensor_noise(fitted: Fitted, sizes: Sizes, recorded: Sequence[Samples], fac
 
 
 def _by_gauge(found: Disturbed, data: Data) -> FloatArray | None:
-    """Change of each value, shape (k,), where a deflection's sensor shows 1 % more."""
+    """Return the change of each value, shape (k,), if the deflection sensor reads 1 % more."""
     if not data.relative_to:
         return None
     other = _again(found, _rescaled(data, 1.01), found.factor)
@@ -129,10 +128,10 @@ def _by_gauge(found: Disturbed, data: Data) -> FloatArray | None:
 
 
 def by_eccentricity(fitted: Fitted) -> FloatArray | None:
-    """Errors of gravity, shape (k, 3), by a link's encoder that errs once per turn.
+    """Return errors of gravity, shape (k, 3), by errors of the link's encoder once per turn.
 
-    In the link's balance it looks like gravity through the spring; the motor's torque bears gravity
-    and no such error. So the log may say how large it is.
+    In the link's balance such an error looks like gravity, through the spring. The motor's torque
+    balances gravity alone. So the log may show how large the error is.
     """
     gravity = np.array([name in LINK_GRAVITY for name in fitted.names])
     if fitted.data.relative_to or not gravity.any():
@@ -143,14 +142,14 @@ def by_eccentricity(fitted: Fitted) -> FloatArray | None:
 
 
 def _scatter(fitted: Fitted) -> float:
-    """How many times as large the variances are as if innovations were white."""
-    with np.errstate(divide="ignore", invalid="ignore"):  # of what the log leaves open
+    """Return the largest ratio of a variance to its value for white innovations."""
+    with np.errstate(divide="ignore", invalid="ignore"):  # of values that the log leaves free
         ratios = np.square(fitted.fit.deviations / fitted.unit_deviations)
     return float(np.max(ratios, where=np.isfinite(ratios), initial=1.0))
 
 
 def _rescaled(data: Data, scale: float) -> Data:
-    """A log whose deflection sensor shows so many times as much."""
+    """Return the log with the readings of its deflection sensor multiplied by `scale`."""
     rescaled = []
     for samples in data.samples:
         assert samples.velocities is not None
@@ -166,7 +165,7 @@ def _rescaled(data: Data, scale: float) -> Data:
 
 
 def _in_other_bands(found: Disturbed, data: Data) -> list[Repeat]:
-    """The structure fitted in wider and narrower bands, as far as the log has them."""
+    """Fit the structure in a wider and a narrower band, if the log allows them."""
     factors = {thinning(data, found.fitted.by_name, share * PER_PERIOD) for share in _BANDS} - {
         found.factor
     }
@@ -175,7 +174,7 @@ def _in_other_bands(found: Disturbed, data: Data) -> list[Repeat]:
 
 
 def _halves(found: Disturbed, data: Data) -> tuple[Repeat, Repeat] | None:
-    """The structure fitted to either half of every recording; None where one is too short."""
+    """Fit the structure to either half of every recording; None if one of the fits fails."""
     first, second = side_by_side(lambda half: _again(found, half, found.factor), data.halves())
     return (first, second) if first and second else None
 
@@ -193,7 +192,7 @@ def _again(found: Disturbed, data: Data, factor: int) -> Repeat | None:
         ).fitted
     except ConvergenceError:
         return None
-    # A channel that is moved out of the log leaves nothing to compare.
+    # A channel with a delay beyond the margin has no data to compare.
     if not (other.names == fitted.names and other.converged and other.has_partners):
         return None
     variances = np.maximum(np.diag(other.fit.covariance), other.unit_deviations**2)

@@ -1,4 +1,4 @@
-"""The fits that a report rests on, and what all their doubts add to the covariance."""
+"""Final fits to all data, and the covariance that their doubts add."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -39,34 +39,34 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import coefficients_of
 from flexid.recording.velocities import with_velocities
 
-_NOISE_SEED = 1  # of what is added to see how much of a regressor is noise
+_NOISE_SEED = 1  # of noise that is added to measure the noise in each regressor
 
 
 RETREAT = (
-    "the fit to all data does not converge, so the values are those of the data before the "
-    "held-out end: check what happened there"
+    "the fit to all data does not converge, so the values come from the data before the "
+    "held-out end: check that end of the log"
 )
-"""What is said of values that are not those of all data."""
+"""Warning about values that do not come from all data."""
 
 
 @dataclass(frozen=True, eq=False)
 class FinalFits:
-    """Fits to all data, ends that were held out among them."""
+    """Fits to all data, including the held-out ends."""
 
-    choice: Choice  # the structure, and what it was chosen by
-    recordings: SplitRecordings  # what was fitted
-    reported: Fitted  # the structure
-    # it over segments of growing length, some longer than the reported ones
+    choice: Choice  # chosen structure, with the evidence
+    recordings: SplitRecordings  # the data
+    reported: Fitted  # fit of the chosen structure
+    # fits of it over segments of growing length, some longer than those of `reported`
     lengths_fitted: Sequence[Fitted]
-    retreat: tuple[str, ...]  # why it was not fitted to all data, if it was not
-    error: ModelError  # what the residuals say about the model
+    retreat: tuple[str, ...]  # warning if the values do not come from all data
+    error: ModelError  # model error that the residuals show
     driving: frozenset[str]  # frictions that came out negative beyond noise
-    full: Fitted  # the model with all usual terms, to say how large they may be
-    filter_rate: float  # of the least squares beside, in 1/s
+    full: Fitted  # fit with all usual terms, for intervals of removed ones
+    filter_rate: float  # of the filtered least squares, in 1/s
 
     @cached_property
     def in_full(self) -> Estimate:
-        """What the full model says of all that it seeks."""
+        """Estimate of the full model."""
         return widened_by(self.full, self.error)
 
     @cached_property
@@ -75,9 +75,9 @@ class FinalFits:
         return self.least_squares(self.choice.structure)
 
     def least_squares(self, structure: Structure, data: Data | None = None) -> LeastSquaresFit:
-        """Filtered least squares of a structure: what each term does to its row.
+        """Return filtered least squares of a structure, for the effect of each term on its row.
 
-        The data are those that were recorded, aligned, unless others are given.
+        The default data are the recorded ones with aligned channels.
         """
         fixed = {**structure.fixed, **self.reported.at_bound}
         bare = replace(structure, fixed=fixed)
@@ -85,7 +85,7 @@ class FinalFits:
 
     @cached_property
     def _full_rows(self) -> tuple[RowFit, ...]:
-        """Rows of the full model by least squares."""
+        """Rows of the full model in least squares."""
         return self.least_squares(self.full.structure).rows
 
     @cached_property
@@ -98,7 +98,7 @@ class FinalFits:
 
     @cached_property
     def scales(self) -> dict[str, float]:
-        """How large a coefficient may be: as much as moves its row as it does move; and delays."""
+        """Size at which a coefficient alone makes its row's acceleration; for delays the margin."""
         sizes = row_sizes(self._full_rows)
         scales = {name: 1.0 / size for name, size in sizes.items() if size > 0.0}
         delays = self.full.structure.timing.sought
@@ -106,11 +106,14 @@ class FinalFits:
 
     @cached_property
     def one_way(self) -> dict[str, dict[str, float]]:
-        """Dry frictions that the log cannot show, and what they pass for."""
+        """Dry frictions that the log cannot show, with their equivalents in other coefficients."""
         return one_way_frictions(self._full_rows, self.reported.names, THRESHOLDS.lost_share)
 
     def unexcited(self, lost_share: float) -> set[str]:
-        """What the motion says nothing of; gravity counts as far as the log might show it."""
+        """Return coefficients that the motion does not determine, with gravity as if in the model.
+
+        These are all coefficients if the fit did not converge.
+        """
         if not self.reported.converged:
             return {*self.reported.names}
         structure, full = self.choice.structure, self.choice.full
@@ -126,7 +129,7 @@ class FinalFits:
 
     @property
     def residual_excess(self) -> dict[str, float]:
-        """Residual of each position over its sensor's noise, as root mean squares."""
+        """Root mean square of each position's residual over its sensor's noise."""
         reported = self.reported
         ratios = reported.minimum.noise(reported.problem) / reported.data.noise
         rows = [row.name for row in reported.problem.unknowns.system.rows]
@@ -143,9 +146,10 @@ def final_fits(
     *,
     anyhow: bool,
 ) -> FinalFits:
-    """Fit a structure to all data, and what it does without; `anyhow` where no other fit may stand.
+    """Fit the chosen structure and the full model to all data.
 
-    Raises `ConvergenceError` where such a fit does not end, and another may.
+    If the fit does not converge, `anyhow` falls back on the fit to the data before the held-out
+    ends; otherwise `ConvergenceError` is raised.
     """
     whole = replace(whole, refinement=choice.fitted.data.refinement)
     reported, lengths_fitted, retreat = _reported(choice, whole, anyhow=anyhow)
@@ -160,7 +164,7 @@ def final_fits(
 
 
 def with_doubts(fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds) -> Estimate:
-    """The estimate with all that is doubted in its covariance."""
+    """Return the estimate with all doubts in its covariance."""
     reported, error = fits.reported, fits.error
     estimate = with_free_width(widened_by(reported, error), reported)
     estimate = estimate.widened(hidden_covariance(fits))
@@ -173,10 +177,10 @@ def with_doubts(fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds) -
 def _reported(
     choice: Choice, whole: Data, *, anyhow: bool
 ) -> tuple[Fitted, list[Fitted], tuple[str, ...]]:
-    """The structure fitted to all data; where that fails, as it was fitted to choose."""
+    """Fit the structure to all data; after a failure with `anyhow`, return the choice's own fit."""
     structure = choice.structure
     start = {**structure.timing.delays, **choice.fitted.by_name}
-    for begin in (lambda: start, lambda: _begun_anew(choice, whole)):
+    for begin in (lambda: start, lambda: _new_start(choice, whole)):
         try:
             fitted, lengths_fitted = fit_to(structure, whole, begin(), choice.duration)
         except ConvergenceError:
@@ -193,22 +197,22 @@ def _reported(
 
 
 def _as_reported(choice: Choice, reported: Fitted) -> Choice:
-    """The choice with the shapes that all data show."""
+    """Return the choice with the constants of shapes fitted to all data."""
     joint = reported.structure.joint
     structure = replace(choice.structure, joint=joint)
     return replace(choice, structure=structure, full=replace(choice.full, joint=joint))
 
 
-def _begun_anew(choice: Choice, whole: Data) -> dict[str, float]:
-    """Values to begin with from all data: the held-out end may hold all that the input did."""
+def _new_start(choice: Choice, whole: Data) -> dict[str, float]:
+    """Return start values from all data: the input may have acted only in the held-out end."""
     divisions = lengths(whole, choice.duration)
     return first_fits(choice.structure, whole, divisions)[-1].by_name
 
 
 def _full(choice: Choice, reported: Fitted) -> Fitted:
-    """The model with all usual terms again, to say how large they may be.
+    """Fit the model with all usual terms, for intervals of removed ones.
 
-    Fitted as the reported one was: what shorter steps change is no sign of a term.
+    It takes the same integration steps as the reported fit, so differences come from terms alone.
     """
     shapes = choice.structure.joint.shapes & choice.structure.absent
     usual = replace(
@@ -220,7 +224,7 @@ def _full(choice: Choice, reported: Fitted) -> Fitted:
 
 
 def _alignment(structure: Structure, delays: Mapping[str, float]) -> Alignment:
-    """Delays as they are to be corrected, no more."""
+    """Return the alignment that corrects the given delays."""
     input_delay, link_delay = (
         Delay(delays.get(name, 0.0), 0.0, (0.0, 0.0), "given") for name in (INPUT, LINK)
     )
@@ -228,18 +232,18 @@ def _alignment(structure: Structure, delays: Mapping[str, float]) -> Alignment:
 
 
 def hidden_covariance(fits: FinalFits, certain: Collection[str] = ()) -> FloatArray:
-    """Covariance, shape (k, k), of what was reported, from what the model does without.
+    """Return the covariance, shape (k, k), of the reported values from removed terms.
 
-    That a term is not seen does not mean that it is not there: where the log cannot distinguish it
-    from others, these may have taken its part. Before the log was seen, a term may be absent or
-    there, the one as likely as the other, and of about the size of its row's acceleration, τ. With
-    x ± s what the log says of it beside the reported model,
+    A term that the log does not show may still exist. If the log cannot distinguish it from other
+    terms, these may have taken its place. A priori a term is absent or present with equal
+    probability; if present, it has about the size of its row's acceleration, τ. With its estimate
+    x ± s next to the reported model,
 
-        P(there) = 1 / (1 + sqrt(1 + τ²/s²) exp(-½ x²/s² τ²/(s² + τ²)))
+        P(present) = 1 / (1 + sqrt(1 + τ²/s²) exp(-½ x²/s² τ²/(s² + τ²)))
 
-    (Bayes' factor of a normal prior), and what is there moves the others along the quadratic form
-    of the fit. A term that the log sees well and does not find adds nothing; one that it cannot
-    see adds half of all that it could be. What is certain to be there is so with P = 1.
+    (Bayes factor of a normal prior). A present term moves the others along the quadratic form of
+    the fit. A term that the log would show well, but does not, adds nothing. A term that the log
+    cannot show adds half its prior mean square. For `certain` terms P = 1.
     """
     reported, full, scales = fits.reported, fits.full, fits.scales
     names = list(full.names)
@@ -260,7 +264,7 @@ def hidden_covariance(fits: FinalFits, certain: Collection[str] = ()) -> FloatAr
             continue
         beside = np.isin(np.arange(len(names)), [*kept, i])
         place = int(np.count_nonzero(beside[:i]))
-        # As a difference what is left of its information would be lost in rounding.
+        # A difference of informations would lose the remainder to rounding.
         least = least_with(beside, information, values)
         variance = np.inf if least.free[place] else float(least.inverse[place, place])
         seen = float(least.values[place]), _deviation(full, i, variance)
@@ -272,7 +276,7 @@ def hidden_covariance(fits: FinalFits, certain: Collection[str] = ()) -> FloatAr
 
 
 def _deviation(full: Fitted, place: int, variance: float) -> float:
-    """Standard deviation of a value beside the reported model, residuals' correlation counted."""
+    """Return a value's standard deviation next to the reported model, for correlated residuals."""
     robust = float(full.fit.deviations[place])
     factor = robust / float(full.unit_deviations[place]) if full.unit_deviations[place] else 1.0
     return max(factor if np.isfinite(factor) else 1.0, 1.0) * float(np.sqrt(variance))
@@ -281,8 +285,8 @@ def _deviation(full: Fitted, place: int, variance: float) -> float:
 def _mean_square(
     value: float, deviation: float, scale: float, *, is_certain: bool = False
 ) -> float:
-    """Mean square of a term that may be there or not, or certainly is."""
-    prior = 0.0 if is_certain else 1.0  # odds of its absence
+    """Return the posterior mean square of a term that may be absent, or is certainly present."""
+    prior = 0.0 if is_certain else 1.0  # prior odds of absence
     if not np.isfinite(deviation):
         return scale**2 / (1.0 + prior)
     both = deviation**2 + scale**2

@@ -1,21 +1,20 @@
-"""What the residuals say about the model, and what that adds to every interval.
+"""Model error that the residuals show, and the covariance that it adds to every interval.
 
-The spread of the scores from block to block knows nothing of an error that repeats itself in each
-block. Of such an error the part across the coefficients shows in the residuals; the part along a
-coefficient does not show at all, and is its bias. If both are alike in size, the bias of a
-coefficient is its standard deviation for noise of unit size, times the root of the residuals'
-weighted sum of squares beyond noise.
+The spread of the scores between blocks does not contain an error that repeats itself in each block.
+The part of such an error across the coefficients shows in the residuals. The part along a
+coefficient does not show, and is a bias. If both parts are equally large, the bias of a coefficient
+is its standard deviation for noise of unit size, times the root of the residuals' weighted sum of
+squares beyond noise.
 
-Noise of the torque makes residuals large, too, without any bias. How they grow distinguishes it:
-the variance of a motion under white noise grows with the cube of the time since its known start,
-that of an error which turns round with the motion more slowly, that of a slow one faster. Whatever
-they grow like, noise does not move the joint as the torque does: of residuals as large as the
-deflection all may be an error.
+Noise of the torque also makes residuals large, but causes no bias. The growth of the residuals
+distinguishes it. The variance of a motion under white noise grows with the cube of the time since a
+known start. The variance of an error that reverses with the motion grows more slowly, that of a
+slow error faster. Independent of the growth, residuals as large as the deflection count as an
+error, since noise does not move the joint as much as the torque does.
 
-What an encoder or a current sensor adds to a measured input moves the model, though it never moved
-the drive. What that does to residuals and values follows from the model itself: it runs once more
-under an input with some more of that noise. The residuals then grow, and the values move, hardly
-otherwise than if the recorded input had been without it.
+Noise of a measured input, from an encoder or a current sensor, moves the model but did not move the
+drive. Its effect on residuals and values is computed from the model: it runs again with more of
+that noise in the input. The change is about the same as from no noise to the recorded noise.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -34,7 +33,7 @@ from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE, HARDENING
 from flexid.recording.velocities import position_noise
 
-_WHITE = 3.0  # power of time with which the variance of a motion under white noise grows
+_WHITE = 3.0  # power of time of the variance of a motion under white noise
 
 
 def _nothing(_: Fitted) -> float:
@@ -66,12 +65,11 @@ def widened(
     error: ModelError,
     least: FloatArray | float = 0.0,  # (k,)
 ) -> Estimate:
-    """The estimate of a fit with the model's error in its covariance.
+    """Return the estimate of a fit with the model error in its covariance.
 
-    Where residuals are what noise explains, their covariance is drawn towards that of white noise;
-    otherwise it is that of the blocks alone, but no less than what the sensors' noise makes it.
-    Where friction makes the bottom rough and the steps end without arriving, the one that was not
-    taken any more is added; along open directions there is none.
+    If noise explains the residuals, the covariance is shrunk towards that of white noise. Otherwise
+    it comes from the blocks, but no deviation is below `least` or the sensors' noise. Dry friction
+    may make the sum of squares rough, so the last step that was not taken is added as an error.
     """
     estimate, reduced = fitted.fit, fitted.minimum.reduced
     if error.excess == 0.0:
@@ -85,12 +83,12 @@ def widened(
 
 
 def stand_in_covariance(fitted: Fitted, error: ModelError, thresholds: Thresholds) -> FloatArray:
-    """Covariance, shape (k, k), from terms that may stand for something else.
+    """Return the covariance, shape (k, k), from terms that may stand in for another effect.
 
-    A curved spring, a gap or an eccentric gear that leaves a model error behind is hardly what the
-    drive has, and another stand-in would leave other values: they are as uncertain as they move
-    without any, or without one of them. A dead zone, or what has a constant that was sought, that
-    explains the log alone is none.
+    If a curved spring, a gap or an eccentric gear leaves a model error, the drive probably has
+    another effect, and another stand-in would give other values. The added error is the largest
+    change of the values without all or one of these terms. There is none if a dead zone or terms
+    with sought constants explain the log.
     """
     joint = fitted.structure.joint
     stand_ins = {*joint.shapes, *HARDENING} & {*fitted.names} - {*joint.nonlinear.values()}
@@ -106,17 +104,17 @@ def stand_in_covariance(fitted: Fitted, error: ModelError, thresholds: Threshold
 
 
 def driving_frictions(fitted: Fitted, thresholds: Thresholds) -> frozenset[str]:
-    """Frictions that came out farther below zero than noise explains."""
+    """Return the frictions that came out farther below zero than noise explains."""
     deviations = np.maximum(fitted.fit.deviations, fitted.unit_deviations)
     below = fitted.values < -thresholds.friction_sign * deviations
     return DISSIPATIVE & {name for name, low in zip(fitted.names, below, strict=True) if low}
 
 
 def driving_covariance(fitted: Fitted, driving: Collection[str]) -> FloatArray:
-    """Covariance, shape (k, k), from frictions that came out negative.
+    """Return the covariance, shape (k, k), from frictions that came out negative.
 
-    A friction that drives is none: it has the part of something that the model lacks, whatever the
-    residuals say. It may be zero as well, and the others what they are then.
+    A negative friction takes the place of an effect that the model lacks. The added error is the
+    change of all values when these frictions are zero.
     """
     if not driving:
         return np.zeros((len(fitted.names), len(fitted.names)))
@@ -125,7 +123,7 @@ def driving_covariance(fitted: Fitted, driving: Collection[str]) -> FloatArray:
 
 
 def _moved_without(fitted: Fitted, terms: Collection[str]) -> FloatArray:
-    """By how much values move, shape (k,), where some are zero; these alone if that has no fit."""
+    """Return the change of values, shape (k,), without some terms; only theirs if the fit fails."""
     bare = fit_like(fitted.structure.without(terms), fitted, ROUGH)
     found = {**fitted.by_name, **dict.fromkeys(terms, 0.0), **(bare.by_name if bare else {})}
     return np.array([found[name] for name in fitted.names]) - fitted.values
@@ -137,7 +135,7 @@ def _growth(
     floor: float,
     explained: Callable[[Fitted], float],
 ) -> float:
-    """Power of the segments' length with which the excess grows from the reported one on."""
+    """Return the power of the segments' length with which the excess grows from `fitted` on."""
     near = [r for r in lengths_fitted if r.duration >= 0.75 * fitted.duration]
     if len(near) < 2:
         near = list(lengths_fitted[-2:])
@@ -153,24 +151,23 @@ def _growth(
 
 
 _DRAWS = 16
-_SPREAD = 3.0  # standard deviations of what the noise of one log may do
+_SPREAD = 3.0  # standard deviations of the effect of one log's noise
 SEED = 20031
-_TIME_CONSTANTS = 8.0  # over which a lag forgets
+_TIME_CONSTANTS = 8.0  # length of a lag's impulse response
 
 
 @dataclass(frozen=True, eq=False)
 class InputNoise:
-    """What the noise of a measured input does to a fit."""
+    """Effect of the noise of a measured input on a fit."""
 
-    # mean square of residuals, over that of the sensors' noise, that it makes in hardly any log
-    # more of
+    # upper limit of the residuals' mean square from this noise, over the sensors' noise
     excess: float
-    deviations: FloatArray  # (k,): standard deviation of each value from it
+    deviations: FloatArray  # (k,): standard deviation of each value from this noise
 
 
 @once_per_fit
 def input_noise(fitted: Fitted) -> InputNoise:
-    """What the noise of the first input does to a fit."""
+    """Return the effect of the first input's noise on a fit."""
     longest = max(fitted.data.samples, key=len)
     noise = position_noise(longest.inputs[:, 0])
     rng = np.random.default_rng(SEED)
@@ -185,14 +182,14 @@ def input_noise(fitted: Fitted) -> InputNoise:
 
 
 def with_more(fitted: Fitted, noise: FloatArray) -> tuple[float, FloatArray]:
-    """How the cost of the best values, and these, shape (k,), change with an input's noise."""
+    """Return the changes of the least cost and of the values, shape (k,), by noise of the input."""
     return _under(fitted, fitted.problem.segments.inputs[:, 0] + noise, fitted.values)
 
 
 def _under(fitted: Fitted, signal: FloatArray, values: FloatArray) -> tuple[float, FloatArray]:
-    """How the best cost and a step's values, shape (k,), differ under another first input.
+    """Return the changes of the least cost and of the values, shape (k,), under another input.
 
-    The step is that from some values.
+    They come from one step from the given values.
     """
     problem, minimum = fitted.problem, fitted.minimum
     inputs = problem.segments.inputs.copy()
@@ -207,10 +204,10 @@ def _under(fitted: Fitted, signal: FloatArray, values: FloatArray) -> tuple[floa
 
 
 def lagged(fitted: Fitted) -> FloatArray:
-    """Error of each value, shape (k,), where the input's delay may be a first-order lag.
+    """Return the error of each value, shape (k,), if the input's delay may be a first-order lag.
 
-    An input that acts before it was logged may have been low-passed on its way into the log. There
-    is no error where the log says that it is a delay, or has none.
+    If the input acts before it was logged, the log may have been low-passed. The error is zero if
+    the log shows a pure delay, or if there is no delay.
     """
     delay = fitted.by_name.get(INPUT, 0.0)
     if delay == 0.0:
@@ -225,13 +222,13 @@ def lagged(fitted: Fitted) -> FloatArray:
     chance = CHANCE * max(fitted.excess, 1.0)
     if more > chance:
         return np.zeros(len(own))
-    # Where the log does not say, anything between none and all of it is a lag.
+    # If the log does not decide, the lag is uniform between zero and the whole delay.
     share = 1.0 if more < -chance else 1.0 / np.sqrt(3.0)
     return share * np.where(own, 0.0, change)
 
 
 def _low_passed(signal: FloatArray, time_constant: float) -> FloatArray:
-    """A signal behind a first-order lag, of a time constant in samples; it rested before."""
+    """Return a signal after a first-order lag with a time constant in samples, from rest."""
     count = min(len(signal), int(_TIME_CONSTANTS * time_constant) + 2)
     kernel = np.exp(-np.arange(count) / time_constant)
     return signal[0] + np.convolve(signal - signal[0], kernel / kernel.sum())[: len(signal)]
@@ -240,7 +237,7 @@ def _low_passed(signal: FloatArray, time_constant: float) -> FloatArray:
 def error_of(
     fitted: Fitted, lengths_fitted: Sequence[Fitted], thresholds: Thresholds
 ) -> ModelError:
-    """What the residuals say about the model; of the link alone, beside the noise of its input."""
+    """Return the model error; for the link alone, beyond the effect of its input's noise."""
     if fitted.structure.joint.kind == "link":
         return model_error(
             fitted, lengths_fitted, thresholds, lambda one_length: input_noise(one_length).excess
@@ -249,7 +246,7 @@ def error_of(
 
 
 def widened_by(fitted: Fitted, error: ModelError) -> Estimate:
-    """The estimate with the model's error; of the link alone, with the noise of its input too."""
+    """Return the estimate with the model error; for the link alone also with its input's noise."""
     if fitted.structure.joint.kind == "link":
         noise = input_noise(fitted).deviations
         return widened(fitted, error, np.hypot(fitted.unit_deviations, noise))
