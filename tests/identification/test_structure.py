@@ -311,7 +311,7 @@ def test_fewer_coefficients_may_predict_a_little_worse(monkeypatch, fewer, worse
 
     monkeypatch.setattr(job, "_chosen", chosen)
     monkeypatch.setattr(job, "misprediction", lambda its: worse if its == "unusual" else 0.0)
-    monkeypatch.setattr(job, "_beside", lambda *_: ())
+    monkeypatch.setattr(job, "_further_searches", lambda *_: ())
     own: Any = SimpleNamespace(
         fitted_by_length=lambda: SimpleNamespace(found=()),
         settings=SimpleNamespace(terms="auto"),
@@ -465,7 +465,7 @@ def test_shapes_are_sought_where_the_model_follows_half_a_second(
     fitted.unexplained_over = partial(Fitted.unexplained_over, fitted)
     choice: Any = SimpleNamespace(by_length=SimpleNamespace(found=(fitted,)), found=())
     own: Any = SimpleNamespace(progress=lambda _: None, thresholds=THRESHOLDS)
-    tried = [*job._beside(choice, own)]
+    tried = [*job._further_searches(choice, own)]
     assert len(tried) == 1 + sought
 
 

@@ -1,1 +1,1 @@
-"""What of the full model a log shows."""
+"""Choice of the structure: the terms of the full model that a log shows."""

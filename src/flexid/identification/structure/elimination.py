@@ -1,10 +1,10 @@
-"""Which of the terms a log shows, and over which segments it is fitted best.
+"""Elimination of terms that a log does not show, and choice of the segments' length.
 
-All that a log may show is fitted at once; then what it does not show is taken away, one by one,
-with the others following along the quadratic form of the fit. A term stays if chance would hardly
-give one as large, the residuals' correlation counted, and goes if it has a sign that no friction
-has. Amplitude and phase of an eccentric gear are one term: either both of its coefficients stay, or
-none.
+All terms are fitted at once. Then terms that the log does not show are removed one by one, while
+the others follow along the quadratic form of the fit. A term stays if chance would hardly give one
+as large, with the correlation of the residuals taken into account. A friction with a negative sign
+is removed. Amplitude and phase of an eccentric gear are one term: both coefficients stay, or both
+are removed.
 """
 
 from collections.abc import Collection, Sequence
@@ -31,26 +31,25 @@ from flexid.identification.vocabulary.evidence import Estimate, SegmentEvidence,
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE, POSITIVE, SATURATION, coefficients_of
 
-_TAKEN = 0.5  # share of what exceeds the noise from which on unusual terms explain most of it
-_NO_WORSE = 1.01  # ratio of excesses: with more terms residuals are no larger, but for rough steps
-_ROUNDS = 2  # of taking away and fitting over longer segments
+_TAKEN = 0.5  # least share of the residuals beyond noise that unusual terms must explain
+_NO_WORSE = 1.01  # largest ratio of excesses for a fit with more terms, whose steps are rough
+_ROUNDS = 2  # of removing terms and fitting over longer segments
 CORE = POSITIVE.union(coefficients_of("gravity"))
 """Inertias, stiffness and gravity."""
 
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The structure of a log."""
+    """Chosen structure of a log, with the evidence."""
 
-    full: Structure  # with everything that was considered
-    structure: Structure  # with what the log shows
-    fitted: Fitted  # it, fitted to the data that it was chosen on
-    terms: tuple[TermEvidence, ...]  # what was kept and what was not
-    found: tuple[Fitted, ...]  # what was left, over segments of growing length
-    by_length: FitsByLength  # how the full model was fitted
-    # with terms that chance might explain, without frictions that came out negative, and, where the
-    # model leaves more than noise, over segments of other lengths: held-out data may prefer one of
-    # these
+    full: Structure  # structure with all terms that were considered
+    structure: Structure  # structure with the terms that the log shows
+    fitted: Fitted  # fit of `structure` to the data before the held-out ends
+    terms: tuple[TermEvidence, ...]  # evidence on each term
+    found: tuple[Fitted, ...]  # fits of the leaner structure, over segments of growing length
+    by_length: FitsByLength  # fits of the full model
+    # other fits that held-out data may prefer: with less certain terms, without negative frictions,
+    # and, if the model leaves more than noise, over segments of other lengths
     rivals: tuple[Fitted, ...] = ()
 
     @property
@@ -60,7 +59,7 @@ class Choice:
 
     @property
     def lengths(self) -> tuple[SegmentEvidence, ...]:
-        """The segments that were tried."""
+        """Evidence on each length of segments that was tried."""
         return tuple(
             SegmentEvidence(f.duration, f.excess, relative_deviation(f)) for f in self.found
         )
@@ -73,25 +72,25 @@ def choose_structure(
     progress: Progress,
     thresholds: Thresholds = THRESHOLDS,
 ) -> Choice:
-    """Take away from the full model what a log does not show.
+    """Remove terms of the full model that a log does not show.
 
-    A fit that cannot stand with all terms stays as it is, unless an exact one is asked for: with
-    less it leaves more.
+    If the fit of all terms leaves too much to be reported, no term is removed, unless an exact fit
+    is required: fewer terms would leave even more.
     """
     found, exact = list(by_length.found), by_length.exact
     best = best_length(found) if by_length.free_length else found[-1]
-    progress("taking away what the log does not show")
+    progress("removing terms that the log does not show")
     wider, asked = _wider(best, by_length, thresholds) if with_shapes else (best, by_length)
     if not exact and not may_stand(wider, thresholds):
         return Choice(wider.structure, wider.structure, wider, (), tuple(found), asked)
     shorter = tuple(f for f in by_length.found if f.duration < best.duration)
     explained = explains(best, thresholds) and by_length.free_length
-    if asked.tied:  # the delay that is left stands for another hold
+    if asked.tied:  # the delay may replace another hold
         kept = {*kept, INPUT}
     structure, evidence = _leanest(wider, kept, thresholds)
-    fitted_as = best.structure  # a fit's own structure begins where the fit ended
+    fitted_as = best.structure  # a fit's structure has its values as start values
     for _ in range(_ROUNDS):
-        # What is left may be fitted over longer segments, and these show more.
+        # A leaner structure may fit longer segments, which show more.
         leaner = fit_like(structure, wider)
         if leaner is None:
             break
@@ -103,19 +102,20 @@ def choose_structure(
         wider = fit_like(wider.structure, longer, ROUGH) or wider
         best, fitted_as = longer, structure
         if len(wider.problem.segments) != len(longer.problem.segments):
-            break  # the wider model does not follow; what it said of shorter segments stands
+            break  # the wider model fails there; its evidence from shorter segments is kept
         structure, evidence = _leanest(wider, kept, thresholds)
     fitted = best if fitted_as is structure else fit_like(structure, best)
-    fitted, gone = _until_nothing_goes(fitted, structure, kept, thresholds)
+    fitted, gone = _until_stable(fitted, structure, kept, thresholds)
     fitted, evidence = fitted or best, latest(evidence, gone)
     if explained and shorter and fitted.excess > thresholds.sensor_excess:
-        # It lost what it needs, or its way along a rough bottom: shorter segments have less of it.
+        # A needed term was lost, or a rough sum of squares misled the fit. Shorter segments are
+        # less rough.
         fewer = replace(by_length, found=shorter)
         return choose_structure(fewer, kept, with_shapes, progress, thresholds)
     if fitted.structure.timing.hold != wider.structure.timing.hold:
         asked = by_length
     fitted = settled(fitted)
-    if asked.tied:  # a leaner model distinguishes more
+    if asked.tied:  # a leaner model may distinguish the holds
         fitted, reason, tied = best_hold(fitted, asked.holds, thresholds)
         asked = replace(asked, hold_reason=reason, tied=tied)
     structure = fitted.structure
@@ -127,12 +127,12 @@ def choose_structure(
     return Choice(full, structure, fitted, evidence, tuple(found), asked, rivals)
 
 
-def _until_nothing_goes(
+def _until_stable(
     fitted: Fitted | None, structure: Structure, kept: Collection[str], thresholds: Thresholds
 ) -> tuple[Fitted | None, tuple[TermEvidence, ...]]:
-    """A leaner fit, of a structure that may have less; None where there is no fit of that.
+    """Remove terms and fit again until no term is removed; None if a fit fails.
 
-    Far from where it was expanded a quadratic form is none; each leaner fit has its own.
+    A quadratic form is valid only near its fit, so each leaner fit is expanded again.
     """
     evidence: tuple[TermEvidence, ...] = ()
     while fitted is not None:
@@ -151,22 +151,22 @@ def _rivals(
     kept: Collection[str],
     thresholds: Thresholds,
 ) -> tuple[Fitted, ...]:
-    """Fits that held-out data may prefer; see `Choice`."""
+    """Return fits that held-out data may prefer; see `Choice`."""
     with_more = None
     if not generous.absent >= fitted.structure.absent:
         with_more = fit_like(generous, fitted)
     rivals = [f for f in (with_more, _without_negative_friction(fitted, kept)) if f is not None]
-    # Those of other lengths were fitted without bounds.
+    # Fits over other lengths have no bounds.
     if fitted.excess > thresholds.sensor_excess and not fitted.structure.bounds:
         rivals += [other for other in found if other.duration != fitted.duration]
     return tuple(map(settled, rivals))
 
 
 def _without_negative_friction(fitted: Fitted, kept: Collection[str]) -> Fitted | None:
-    """A fit without the frictions that came out negative, which drive where they should brake.
+    """Return a fit without the frictions that came out negative.
 
-    Where the model leaves more than noise, a deviation says little of a friction's sign. None where
-    there is no such friction, or the fit without fails.
+    If the model leaves more than noise, the standard deviation says little about a friction's sign.
+    Returns None if there is no such friction, or if the fit fails.
     """
     base = [name.partition("[")[0] for name in fitted.names]
     negative = {
@@ -180,17 +180,17 @@ def _without_negative_friction(fitted: Fitted, kept: Collection[str]) -> Fitted 
 def latest(
     before: Sequence[TermEvidence], after: Sequence[TermEvidence]
 ) -> tuple[TermEvidence, ...]:
-    """Evidence on every term, the later where there is some."""
+    """Return the latest evidence on every term."""
     return tuple({e.name: e for e in (*before, *after)}.values())
 
 
 def _wider(
     best: Fitted, by_length: FitsByLength, thresholds: Thresholds
 ) -> tuple[Fitted, FitsByLength]:
-    """A fit with terms beyond the usual ones, and its lengths; as it was if they lead astray.
+    """Return a fit with unusual terms too, and its lengths; unchanged if that fit fails.
 
-    Where the usual terms leave more than noise, and these explain most of it, the hold was chosen
-    among fits of which none explained the log. It is asked again.
+    If unusual terms explain most of the residuals beyond noise, the hold was chosen among fits that
+    did not explain the log. Then it is chosen again.
     """
     joint = best.structure.joint
     shapes = joint.shapes - joint.remembered - SOUGHT_COEFFICIENTS
@@ -199,14 +199,14 @@ def _wider(
     if not shapes:
         return best, by_length
     extended = replace(best.structure, absent=best.structure.absent - shapes)
-    # Where they do not follow over long segments, shorter ones may show them.
+    # If the fit fails over long segments, shorter ones may show the terms.
     shorter = [other for other in by_length.found if other.duration < best.duration]
     for narrow in (best, *reversed(shorter)):
         wider = fit_like(extended, narrow, ROUGH)
         if wider is None and narrow.excess <= thresholds.sensor_excess:
-            steps = replace(ON_THE_WAY, insist=False)  # the log may not tell terms apart
+            steps = replace(ON_THE_WAY, insist=False)  # the log may not distinguish the terms
             wider = led_from(narrow, extended, steps=steps)
-        # One that is worse has ended at a bound.
+        # A worse fit has ended at a bound.
         if wider is not None and wider.excess <= _NO_WORSE * narrow.excess:
             break
     else:
@@ -223,21 +223,21 @@ def _wider(
 
 
 def relative_deviation(fitted: Fitted) -> float:
-    """Geometric mean of the relative standard deviations of inertias, stiffness and gravity."""
+    """Return the geometric mean of the core's relative standard deviations (see `CORE`)."""
     found = core_deviations(fitted.fit)
     usable = found[np.isfinite(found) & (found > 0.0)]
     return float(np.exp(np.mean(np.log(usable)))) if len(usable) else np.inf
 
 
 def core_deviations(estimate: Estimate) -> FloatArray:
-    """Relative standard deviations of what is sought of inertias, stiffness and gravity."""
+    """Return relative standard deviations of the fitted core coefficients (see `CORE`)."""
     core = np.array([name in CORE for name in estimate.names], dtype=np.bool_)
     sizes = np.maximum(np.abs(estimate.values), np.finfo(float).tiny)
     return (estimate.deviations / sizes)[core]
 
 
 def best_length(found: Sequence[Fitted]) -> Fitted:
-    """The fit with the narrowest intervals; of two that are alike, that over longer segments."""
+    """Return the fit with the narrowest intervals; of two similar ones, the longer segments."""
     found = [fitted for fitted in found if fitted.converged] or found
     best, narrowest = found[0], np.inf
     for fitted in found:
@@ -247,11 +247,11 @@ def best_length(found: Sequence[Fitted]) -> Fitted:
     return best
 
 
-_ALIKE = 1.05  # ratio of widths that two lengths may differ by at random
+_ALIKE = 1.05  # ratio of widths of two similar lengths
 
 
 def hardly_known(fitted: Fitted, thresholds: Thresholds) -> bool:
-    """Whether inertias, stiffness or gravity are too uncertain to be determined, or a term open."""
+    """Whether a core coefficient is not determined, or any coefficient is entirely free."""
     wide = core_deviations(fitted.fit) > thresholds.determined_width
     return bool(np.any(wide) or np.any(fitted.minimum.reduced.free))
 
@@ -259,11 +259,11 @@ def hardly_known(fitted: Fitted, thresholds: Thresholds) -> bool:
 def one_by_one(
     fitted: Fitted, kept: Collection[str], thresholds: Thresholds
 ) -> tuple[Fitted, tuple[TermEvidence, ...]]:
-    """A fit without the terms that cost little, each tried by a fit, and evidence on these.
+    """Remove terms that cost little, each tested by a fit; return the fit and the evidence.
 
-    Along a direction that a log leaves open a fit may slide until a drive at rest would break
-    away, which a quadratic form takes for knowledge; or no fit follows it that far. Delays,
-    shapes and offsets go first: every drive has friction.
+    A quadratic form is misleading along a direction that the log hardly determines. There a fit may
+    end where a drive at rest would just break away. Delays, shapes and offsets are tested before
+    frictions, since every drive has friction.
     """
     groups, may_go = _groups(fitted, kept)
     shapes, delays = fitted.structure.joint.shapes, fitted.structure.timing.sought
@@ -291,10 +291,10 @@ def one_by_one(
 def _leanest(
     full: Fitted, kept: Collection[str], thresholds: Thresholds
 ) -> tuple[Structure, tuple[TermEvidence, ...]]:
-    """Take terms away; of terms that the log does not distinguish, those that explain it leanest.
+    """Remove terms; among terms that the log does not distinguish, keep the leanest explanation.
 
-    The less usual ones go first, unless what is left if the usual ones do so explains the log, and
-    does so as well with fewer terms, or far better with as many.
+    Unusual terms are removed first. The result of removing usual terms first is taken instead if it
+    explains the log as well with fewer terms, or far better with as many.
     """
     found = eliminate(full, kept, thresholds)
     other = eliminate(full, kept, thresholds, usual_first=True)
@@ -302,7 +302,7 @@ def _leanest(
     if structures[0].absent == structures[1].absent:
         return found
     usual, unusual = (fit_like(structure, full, ROUGH) for structure in structures)
-    # Where neither explains the log, which of them fails less says nothing.
+    # If neither explains the log, their difference means nothing.
     if unusual is None or unusual.excess > thresholds.sensor_excess:
         return found
     if usual is None:
@@ -320,9 +320,9 @@ def eliminate(
     usual_first: bool = False,
     likely: Collection[str] = (),
 ) -> tuple[Structure, tuple[TermEvidence, ...]]:
-    """Take terms away while one is left that chance explains.
+    """Remove terms one by one until chance explains none of the remaining ones.
 
-    Of what is likely to be there less is asked: `generous_chance`.
+    Terms that are `likely` stay up to `generous_chance`.
     """
     joint = full.structure.joint
     names = full.names
@@ -342,7 +342,7 @@ def eliminate(
         chance = np.array([quadratic.chance(group, values, covariance) for group in groups])
         negative = frictions & (values < 0.0) & (values > -thresholds.friction_sign * deviations)
         ratio = np.where(negative, 1.0, chance) / limits
-        # A channel later than the margin of the data has no partner there.
+        # Beyond the margin, a delayed channel has no data.
         ratio[delays & (np.abs(values) > full.data.margin)] = np.inf
         candidates = [i for i in np.flatnonzero(left) if may_go[i] and (ratio[i] > 1.0)]
         free = [i for i in candidates if not np.isfinite(deviations[i])]
@@ -370,13 +370,13 @@ def eliminate(
 
 
 def _groups(fitted: Fitted, kept: Collection[str]) -> tuple[list[list[int]], list[bool]]:
-    """For each name the places of those that stay or go with it, and whether they may go.
+    """Return, for each name, the places of its term's coefficients and whether they may go.
 
-    They are the coefficients of one term, in one log where each has its own.
+    If logs have their own values, a group has the coefficients of one log.
     """
     joint, delays = fitted.structure.joint, fitted.structure.timing.sought
     term_of = {c: term for term, coefficients in joint.terms.items() for c in coefficients}
-    term_of |= {own: own for own in joint.nonlinear.values()}  # which follows its term untested
+    term_of |= {own: own for own in joint.nonlinear.values()}  # these follow their term untested
     named = [(base, log) for base, _, log in (n.partition("[") for n in fitted.names)]
     keys = [(term_of.get(base, base), log) for base, log in named]
     groups = [[i for i, other in enumerate(keys) if other == key] for key in keys]
@@ -387,7 +387,7 @@ def _groups(fitted: Fitted, kept: Collection[str]) -> tuple[list[list[int]], lis
 
 @dataclass(frozen=True, eq=False)
 class _Quadratic:
-    """The sum of squares about its minimum, with deviations that hold for correlated residuals."""
+    """Sum of squares about its minimum, with deviations for correlated residuals."""
 
     information: FloatArray
     values: FloatArray
@@ -405,17 +405,17 @@ class _Quadratic:
         return cls(
             full.information,
             full.values,
-            # Few blocks may agree by chance; the sensors' noise is there in any case.
+            # Few blocks may agree by chance, but sensor noise is always present.
             np.maximum(np.where(usable, factors, middle), 1.0),
             np.where(usable & (freedom > 0.0), freedom, 5.0),
         )
 
     def chance(self, group: list[int], values: FloatArray, covariance: FloatArray) -> float:
-        """Probability of values as large together, were they zero; one where some are free."""
+        """Return the chance of values as large if all are zero; one if a value is free."""
         part = covariance[group][:, group]
         if not np.isfinite(part).all():
             return 1.0
-        if len(group) == 1:  # most are, and this is asked for thousands of times
+        if len(group) == 1:  # a shortcut: most groups have one value, and calls are thousands
             inverse, free = 1.0 / np.where(part > 0.0, part, 1.0), part <= 0.0
         else:
             inverse, free = scaled_inverse(part, np.sqrt(np.diag(part)))
@@ -425,7 +425,7 @@ class _Quadratic:
         return float(fdtrc(len(group), min(self.freedom[group]), square / len(group)))
 
     def at(self, left: np.ndarray) -> tuple[FloatArray, FloatArray]:
-        """Values and covariance where only some are left; zero and infinite for the others."""
+        """Return values and covariance with some coefficients; zero and infinite for the others."""
         values, covariance = np.zeros(len(left)), np.diag(np.full(len(left), np.inf))
         places = np.flatnonzero(left)
         values[left], inverse, free = least_with(left, self.information, self.values)

@@ -1,14 +1,14 @@
-"""Play of the joint: a dead zone of the spring, whose width follows from what it finds.
+"""Play of the joint: a dead zone of the spring whose width is found by iteration.
 
-Of a spring of stiffness k with play of half-width g acts k (δ - g sat(δ/g)), a dead zone. The term
-`backlash` is linear, a sat(δ/w), as least squares needs it, with a width w that is a constant of
-the model; it is that dead zone where w is the gap that it finds, a/k. So the width follows the gap.
-Play as large as the deflection cannot be added to a fit without it, which leads nowhere near: it
-has a start of its own, by least squares, whose width settles on positions alone.
+A spring of stiffness k with play of half-width g has the torque k (δ - g sat(δ/g)), a dead zone.
+The term `backlash` is linear in its coefficient a, a sat(δ/w), as least squares needs it. The width
+w is a constant of the model. The term is a dead zone if w equals the fitted half-gap a/k, so the
+width is set to the gap until both agree. Play as large as the deflection cannot be found from a fit
+without play. It has its own start by least squares, from positions alone.
 
-The encoders of a rig seldom share a zero, so that its play is about another deflection than none.
-A constant torque of the link's balance tells by how much: where the spring carries none, it is in
-the middle of its gap. So a centre that is sought follows that torque, as the width follows the gap.
+The encoders of a rig seldom share a zero, so the play is about another deflection than zero. The
+constant torque of the link's balance shows which: without torque the spring is in the middle of its
+gap. So the centre is set to the torque-free deflection, as the width is set to the gap.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -51,33 +51,33 @@ from flexid.models.flexible_joint import (
     SPRING_CENTRE,
 )
 
-# And the spring's stiffness, the motor's first.
+# Pairs of play and spring coefficients, the motor's first.
 _GAPS = (*zip(SHAPE_TERMS["backlash"].coefficients, SPRING, strict=True),)[::-1]
 PLAY = frozenset(SHAPE_TERMS["backlash"].coefficients)
 """Coefficients of play."""
 
 LIKELIER = 0.9
-"""Of what a spring without play leaves of a link's balance, what one with play leaves at most."""
+"""Largest ratio of a link's unexplained squared acceleration with play to that without."""
 
 CHANCE = 9.0
-"""Change of a weighted sum of squares, or of a cost, that is chance: three standard deviations."""
+"""Change of a weighted sum of squares, or of a cost, by chance: three standard deviations."""
 
 _MOST_FITS = 8
-_SETTLED = 0.1  # standard deviations of the gap, by which its width may differ
-_STEEPEST = 0.9  # change of the gap with the width, beyond which it settles nowhere
-_MOST_WIDTHS = 15  # in least squares: from a tenth to within a hundredth takes up to eight
-_NEAR = 0.01  # of the width, up to which it is that of its gap
-_NEARER = 0.5  # of what was between width and gap
-_PROMISED = 0.5  # of a row's residuals in least squares that play has to explain, to be tried
-# Of the link's acceleration, that one with play leaves at most: where no spring moves the link, as
-# in a clamped or a pushed one, any play is as likely.
+_SETTLED = 0.1  # largest difference of gap and width, in standard deviations of the gap
+_STEEPEST = 0.9  # derivative of the gap by the width above which the iteration does not converge
+_MOST_WIDTHS = 15  # in least squares; eight suffice from a tenth of the width to within 1 %
+_NEAR = 0.01  # largest relative difference of width and gap in a dead zone
+_NEARER = 0.5  # ratio by which the difference of width and gap must fall
+_PROMISED = 0.5  # largest ratio of a row's squared residuals with play to those without
+# Largest unexplained share of the link's squared acceleration with play. If no spring moves the
+# link, as in a clamped or pushed link, any play is equally likely.
 _A_SPRING = 0.5
 
 
 def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
-    """A fit whose play has the width of its own gap; the same fit where that is worse.
+    """Return a fit with the width of its play equal to its gap; unchanged if that is worse.
 
-    A sharper shape may want shorter steps, which the data of what is returned then have.
+    A sharper shape may need shorter integration steps; the returned fit's data record them.
     """
     trail: list[tuple[float, float]] = []
     for _ in range(_MOST_FITS):
@@ -86,7 +86,7 @@ def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
         if gap <= 0.0 or apart <= _SETTLED * _deviation(fitted):
             return fitted
         trail.append((width, gap))
-        # From a width that is far away half the step may lead on where the whole does not.
+        # From a distant width, half the step may succeed where the whole step fails.
         tries = dict.fromkeys((met(trail), gap, (gap * width) ** 0.5))
         fits = (_narrowed(fitted, own) for own in tries)
         better = next((found for found in fits if found is not None), None)
@@ -97,7 +97,7 @@ def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
 
 
 def about_its_own_centre(fitted: Fitted) -> Fitted:
-    """A fit whose spring curves about where it carries no torque, if that is sought."""
+    """Return a fit whose hardening spring is centred on its torque-free deflection, if sought."""
     for _ in range(_MOST_FITS):
         off = _off_centre(fitted)
         if HARDENING.isdisjoint(fitted.names) or abs(off) <= _SETTLED * _centre_deviation(fitted):
@@ -111,7 +111,7 @@ def about_its_own_centre(fitted: Fitted) -> Fitted:
 
 
 def met(trail: list[tuple[float, float]]) -> float:
-    """Where width and gap meet, along the line through the last two of them."""
+    """Return the width at which width and gap are equal, by the secant through the last two."""
     (_, gap), *before = trail[:-3:-1]
     if not before:
         return gap
@@ -122,7 +122,7 @@ def met(trail: list[tuple[float, float]]) -> float:
 
 
 def _narrowed(fitted: Fitted, width: float) -> Fitted | None:
-    """A fit with another width; None if its first steps do not lead below the sum of squares."""
+    """Return a fit with another width; None if its first steps do not improve the fit."""
     structure = following(fitted, width)
     first = led_from(fitted, structure, steps=EXPLORING)
     if first is None or not _no_worse(first, fitted):
@@ -134,34 +134,33 @@ def _narrowed(fitted: Fitted, width: float) -> Fitted | None:
 def _no_worse(found: Fitted, fitted: Fitted) -> bool:
     """Whether a fit explains more than another, or as much with a width nearer to its gap.
 
-    Of a spring without play it is the centre that has to be nearer to where it carries no torque.
-
-    Width and gap meet near the least sum of squares, not at it.
+    For a spring without play, the centre must be nearer to the torque-free deflection. Width and
+    gap are equal near the least sum of squares, not exactly at it.
     """
     fall = fitted.minimum.equations.cost - found.minimum.equations.cost
     nearer = abs(_off_centre(found)) < _NEARER * abs(_off_centre(fitted))
     if half_gap(fitted) > 0.0:
-        nearer = abs(_apart(found)) < _NEARER * abs(_apart(fitted))
+        nearer = abs(_mismatch(found)) < _NEARER * abs(_mismatch(fitted))
     return fall > 0.0 or (nearer and fall > -CHANCE * max(fitted.excess, 1.0))
 
 
-def _apart(fitted: Fitted) -> float:
+def _mismatch(fitted: Fitted) -> float:
     return half_gap(fitted) / width_of(fitted.structure) - 1.0
 
 
 def is_dead_zone(fitted: Fitted) -> bool:
-    """Whether a fit has play, as wide as its own gap."""
-    return half_gap(fitted) > 0.0 and abs(_apart(fitted)) <= _NEAR
+    """Whether a fit has play with a width equal to its gap."""
+    return half_gap(fitted) > 0.0 and abs(_mismatch(fitted)) <= _NEAR
 
 
 def following(fitted: Fitted, width: float) -> Structure:
-    """A fit's structure with another width of its play, about a centre that follows, in rad."""
+    """Return a fit's structure with another width of play, in rad, and an updated centre."""
     structure = fitted.structure
     return as_wide(structure, width, _centre_of(structure) + _off_centre(fitted))
 
 
 def as_wide(structure: Structure, width: float, centre: float | None = None) -> Structure:
-    """The same with another width of its play's shape, in rad, and another centre, if given."""
+    """Return the structure with another width of play and, if given, another centre, in rad."""
     shape = {BACKLASH_WIDTH: width}
     if centre is not None:
         shape[SPRING_CENTRE] = centre
@@ -169,14 +168,14 @@ def as_wide(structure: Structure, width: float, centre: float | None = None) -> 
 
 
 def width_of(structure: Structure) -> float:
-    """Width of its play's shape in rad, with or without play; zero of a joint that has none."""
+    """Return the width of play's shape in rad; zero if the joint has no such term."""
     return structure.joint.extended.constants.get(BACKLASH_WIDTH, 0.0)
 
 
 def about_its_centre(structure: Structure, data: Data) -> Structure:
-    """The same with a spring about where it carries no torque, if that is far from no deflection.
+    """Return the structure centred on the torque-free deflection, if that is far from zero.
 
-    Of encoders that do not share their zero the cube of the deflection would be nearly a line.
+    Otherwise, with encoders of different zeros, the cube of the deflection would be nearly linear.
     """
     every = structure.joint.deflections(data.samples)
     if not abs(np.mean(every)) > np.std(every):
@@ -189,25 +188,25 @@ def about_its_centre(structure: Structure, data: Data) -> Structure:
 
 
 def _centre_of(structure: Structure) -> float:
-    """Deflection in rad in the middle of its play: none where encoders share their zero."""
+    """Return the deflection in rad in the middle of the play; zero if encoders share a zero."""
     return structure.joint.extended.constants.get(SPRING_CENTRE, 0.0)
 
 
 def _off_centre(fitted: Fitted) -> float:
-    """By how much the link's constant torque has a centre elsewhere, if that is sought."""
+    """Return the torque-free deflection less the centre, in rad; zero if no centre is sought."""
     centre = _centre_of(fitted.structure)
     return _torque_free(fitted.by_name) - centre if centre else 0.0
 
 
 def _torque_free(values: Mapping[str, float]) -> float:
-    """Deflection in rad at which the spring carries no torque, as a mean of all logs."""
+    """Return the deflection in rad at which the spring has no torque, as a mean of all logs."""
     stiffness = values.get("theta2", 0.0)
     offsets = [v for name, v in values.items() if name.partition("[")[0] == "theta_offset"]
     return float(np.mean(offsets)) / stiffness if offsets and stiffness > 0.0 else 0.0
 
 
 def half_gap(fitted: Fitted) -> float:
-    """Half the gap in rad; zero without one."""
+    """Return half the gap in rad; zero without play."""
     values = {**fitted.structure.fixed, **fitted.by_name}
     for play, spring in _GAPS:
         if play in values and values.get(spring, 0.0) > 0.0:
@@ -216,7 +215,7 @@ def half_gap(fitted: Fitted) -> float:
 
 
 def _gradient(fitted: Fitted) -> FloatArray:
-    """Derivatives of half the gap by what was sought, shape (k,); the width stays."""
+    """Return derivatives of half the gap with respect to the values, shape (k,), width fixed."""
     values = {**fitted.structure.fixed, **fitted.by_name}
     for play, spring in _GAPS:
         if play in values and values.get(spring, 0.0) > 0.0:
@@ -226,12 +225,12 @@ def _gradient(fitted: Fitted) -> FloatArray:
 
 
 def _deviation(fitted: Fitted) -> float:
-    """Standard deviation of half the gap from the sensors' noise, the width given."""
+    """Return the standard deviation of half the gap from sensor noise, with the width given."""
     return _spread(fitted, _gradient(fitted))
 
 
 def _centre_deviation(fitted: Fitted) -> float:
-    """The same of the deflection without torque."""
+    """Return the standard deviation of the torque-free deflection from sensor noise."""
     values = fitted.by_name
     free, stiffness = _torque_free(values), values["theta2"]
     offsets = [name.partition("[")[0] == "theta_offset" for name in fitted.names]
@@ -241,16 +240,16 @@ def _centre_deviation(fitted: Fitted) -> float:
 
 
 def _spread(fitted: Fitted, gradient: FloatArray) -> float:
-    """Standard deviation from the sensors' noise of what has derivatives by what was sought."""
+    """Return the standard deviation, from sensor noise, of a function with this gradient."""
     return float(np.sqrt(max(gradient @ fitted.minimum.reduced.inverse @ gradient, 0.0)))
 
 
 def with_free_width(estimate: Estimate, fitted: Fitted) -> Estimate:
-    """The estimate with the uncertainty of the width, which follows the gap, in its covariance.
+    """Return the estimate with the uncertainty of the play's width in its covariance.
 
-    With e the errors of the values while the width stays, d their change with it, and g the
-    derivatives of the gap, the width is off by g·e / (1 - g·d), and the values by
-    (I + d gᵀ / (1 - g·d)) e.
+    The width follows the gap. With e the errors of the values at a fixed width, d their derivatives
+    by the width, and g the derivatives of the gap, the error of the width is g·e / (1 - g·d), and
+    that of the values is (I + d gᵀ / (1 - g·d)) e.
     """
     deviation = _deviation(fitted)
     if not is_dead_zone(fitted) or not 0.0 < deviation < half_gap(fitted):
@@ -271,10 +270,10 @@ def with_free_width(estimate: Estimate, fitted: Fitted) -> Estimate:
 def fit_with_play(
     by_length: FitsByLength, chosen: Sequence[Fitted], progress: Progress, thresholds: Thresholds
 ) -> FitsByLength | None:
-    """Fit a joint with play where one without leaves more than noise.
+    """Fit a joint with play if the fit without play leaves more than noise.
 
-    Returns none where the model without explains the log, no start with play does so far
-    better, or something else does so better.
+    Returns None if the model without play explains the log, if no start with play is far better, or
+    if another term explains more.
     """
     full, data = by_length.found[-1].structure, by_length.found[-1].data
     play = PLAY & full.joint.shapes
@@ -306,21 +305,21 @@ def fit_with_play(
 
 
 class LikelyPlay(NamedTuple):
-    """Play as least squares of the link's row finds it, whatever moves the motor."""
+    """Play found by least squares of the link's row, independent of the motor."""
 
-    structure: Structure  # with play of its width, beside a spring that hardens or instead
-    start: dict[str, float]  # where a fit of it may begin
-    stiffer: float  # share by which its spring is stiffer than one without play
-    left: float  # of what a spring without play leaves of the link's balance
+    structure: Structure  # structure with play of this width, with or without hardening
+    start: dict[str, float]  # start values of a fit
+    stiffer: float  # relative increase of the stiffness with play
+    left: float  # ratio of the link's unexplained acceleration, squared, with and without play
 
     @property
     def doubt(self) -> float:
-        """The same share, if play leaves so much less that nothing else need speak for it."""
+        """Increase of the stiffness, if play alone explains clearly more; otherwise zero."""
         return self.stiffer if self.left < LIKELIER else 0.0
 
 
 def likely_play(structure: Structure, data: Data) -> LikelyPlay | None:
-    """The play that leaves least of the link's balance; None if none leaves less than without."""
+    """Return the play that leaves the least of the link's balance; None if play does not help."""
     play = PLAY & structure.joint.shapes
     found, least = None, 1.0
     for spring in (structure.without(HARDENING), structure):
@@ -330,42 +329,42 @@ def likely_play(structure: Structure, data: Data) -> LikelyPlay | None:
             if left < min(least * its, _A_SPRING) and other["theta2"] > 0.0:
                 stiffer = abs(start["theta2"] / other["theta2"] - 1.0)
                 found, least = LikelyPlay(own, start, stiffer, left / its), left / its
-        least *= LIKELIER if found else 1.0  # with hardening, too, any play leaves a little less
+        least *= LIKELIER if found else 1.0  # any play leaves slightly less, also with hardening
     return found
 
 
 def _starts(
     structure: Structure, without: Structure, data: Data
 ) -> Iterator[tuple[Structure, dict[str, float]]]:
-    """Structures with play as wide as least squares finds it, and where they begin."""
+    """Yield structures with play of the width found by least squares, and their start values."""
     for (own, start, fit), (_, other) in _by_rate(structure, without, data):
         rows = zip(fit.rows, other.rows, strict=True)
         if any(row.residual_sum < _PROMISED * bare.residual_sum for row, bare in rows):
             yield own, start
 
 
-_Played = tuple[Structure, dict[str, float], LeastSquaresFit]
+_PlayStart = tuple[Structure, dict[str, float], LeastSquaresFit]
 
 
 def _by_rate(
     structure: Structure, without: Structure, data: Data
-) -> Iterator[tuple[_Played, tuple[dict[str, float], LeastSquaresFit]]]:
-    """Least squares with play, by every filter with which it finds some, and of a rival."""
+) -> Iterator[tuple[_PlayStart, tuple[dict[str, float], LeastSquaresFit]]]:
+    """Yield least squares with play, for each filter that finds play, and without play."""
     middle = float(np.mean(structure.joint.deflections(data.samples)))
     for rate in RATES:
         rival = least_squares_start(without, data, rate)
         for centre in dict.fromkeys((_centre_of(structure), middle)):
-            played = _settled(structure, data, rate, centre)
+            played = _with_consistent_width(structure, data, rate, centre)
             if _gap_of(played[1]) > 0.0:
                 yield played, rival
 
 
-def _settled(
+def _with_consistent_width(
     structure: Structure, data: Data, rate: float, centre: float
 ) -> tuple[Structure, dict[str, float], LeastSquaresFit]:
-    """A structure whose play is as wide as least squares finds it, if it finds some.
+    """Iterate least squares until the width of play equals its gap.
 
-    Its centre follows if it is anywhere but at no deflection.
+    A nonzero centre is updated too. The iteration ends if there is no gap.
     """
     own, tried = as_wide(structure, width_of(structure), centre), 0
     while True:
@@ -380,6 +379,6 @@ def _settled(
 
 
 def _gap_of(values: Mapping[str, float]) -> float:
-    """Half the gap, from the link's row, which has no torque in it."""
+    """Return half the gap from the link's row, which does not contain the input."""
     stiffness = values.get("theta2", 0.0)
     return values.get("theta_backlash", 0.0) / stiffness if stiffness > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""What the logs and the settings leave to be found, and the structure that predicts best."""
+"""Identification job from logs and settings, and the search for the structure."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -37,20 +37,20 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.recording.recording import Hold, Recording
 
 MEASURED_HOLD: Hold = "cubic"
-"""How a measured position runs between samples: no motion has corners."""
+"""Hold of a measured position between samples, since a motion is smooth."""
 
 _HOLDS: tuple[Hold, ...] = ("zero", "cubic", "linear")
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """What the logs and the settings leave to be found."""
+    """Task of an identification: model, data, prior knowledge and settings."""
 
     joint: Joint  # flexible, its link alone, or rigid
-    recordings: SplitRecordings  # what it is found from
-    stated: Stated  # what the user states of the drive
-    settings: Settings  # what the user decides
-    progress: Progress  # told of each step
+    recordings: SplitRecordings  # the data
+    stated: Stated  # prior knowledge of the drive
+    settings: Settings
+    progress: Progress  # called with the name of each step
     thresholds: Thresholds
     left_out: frozenset[str] = frozenset()  # coefficients and delays that are not considered
 
@@ -66,7 +66,7 @@ class Job:
 
     @cached_property
     def training(self) -> Data:
-        """What is searched, before the held-out ends."""
+        """Data before the held-out ends, used to choose the structure."""
         return self._data(*self.recordings.searched)
 
     @cached_property
@@ -79,9 +79,9 @@ class Job:
 
     @property
     def delay_in_doubt(self) -> bool:
-        """Whether a delay of the link's encoder may pass for damping and friction.
+        """Whether a delay of the link's encoder may look like damping and friction.
 
-        That of a deflection's sensor cannot.
+        A delay of a deflection sensor does not.
         """
         settings = self.settings
         if self.joint.kind != "link" or self.deflection or settings.link_delay != "auto":
@@ -89,7 +89,7 @@ class Job:
         return settings.terms == "auto" or {*CONFUSED} <= self.kept
 
     def fitted_by_length(self) -> FitsByLength:
-        """The full model, fitted to the data before the held-out ends."""
+        """Fit the full model to the data before the held-out ends."""
         duration = self.settings.segment_duration
         durations = () if duration == "auto" else (duration,)
         own, rest = (self.structure, self.training), (self.progress, self.thresholds)
@@ -101,7 +101,7 @@ class Job:
 
     @cached_property
     def structure(self) -> Structure:
-        """Every term that is to be considered; its hold is of no account."""
+        """Structure with every term that is considered; its hold is not used."""
         settings = self.settings
         smooth = settings.coulomb_velocity
         joint = self.joint.scaled(self.training.samples)
@@ -117,14 +117,14 @@ class Job:
 
     @property
     def holds(self) -> Sequence[Hold]:
-        """Behaviours of the input to choose from."""
+        """Holds of the input to choose from."""
         if self.joint.kind == "link":
             return (MEASURED_HOLD,)
         return _HOLDS if self.settings.hold == "auto" else (self.settings.hold,)
 
     @property
     def kept(self) -> set[str]:
-        """Coefficients that stay in the model whatever the log says."""
+        """Coefficients that always stay in the model."""
         settings = self.settings
         if settings.terms == "auto":
             return {*self.stated.kept}
@@ -132,9 +132,9 @@ class Job:
 
     @property
     def exact(self) -> bool:
-        """Whether no fit with disturbances is asked for.
+        """Whether the settings require an exact fit.
 
-        Innovations know neither smoothed friction, nor segments, nor what is kept of a shape.
+        A fit with disturbances has no smoothed friction, no given segments and no given shapes.
         """
         settings = self.settings
         automatic = settings.coulomb_velocity == settings.segment_duration == "auto"
@@ -143,7 +143,7 @@ class Job:
     def _timing(self) -> Timing:
         settings = self.settings
         asked = {}
-        if self.joint.kind != "link":  # which knows time only against its encoder
+        if self.joint.kind != "link":  # the link alone has a delay of its encoder only
             asked[INPUT] = settings.input_delay
         if self.joint.kind != "rigid":
             asked[LINK] = settings.link_delay
@@ -157,7 +157,7 @@ def job_of(
     progress: Progress = silent,
     thresholds: Thresholds = THRESHOLDS,
 ) -> Job:
-    """What is to be found in some recordings."""
+    """Return the job for recordings and settings; raise if they contradict each other."""
     first = recordings.recorded[0]
     joint = joint_of(_kind(first), first.joint)
     check_for(joint, settings)
@@ -166,7 +166,7 @@ def job_of(
     known = stated(settings, joint, first.input_unit)
     job = Job(joint, recordings, known, settings, progress, thresholds)
     if joint.kind == "flexible" and "link_position" in first.clamped:
-        job = replace(job, left_out=_of_the_link(joint))
+        job = replace(job, left_out=_link_coefficients(joint))
     if settings.coulomb_velocity != "auto" and (dry := sorted(job.kept & joint.shapes)):
         raise SettingError(
             "coulomb_velocity",
@@ -175,40 +175,40 @@ def job_of(
     return job
 
 
-def _of_the_link(joint: Joint) -> frozenset[str]:
-    """Coefficients of all terms with a part in the link's row, which is nothing while it is held.
+def _link_coefficients(joint: Joint) -> frozenset[str]:
+    """Return the coefficients of all terms in the link's row, which a clamped link does not show.
 
-    The spring's damping then brakes the motor as its own friction does, and is part of that.
+    The spring's damping is among them. With a clamped link it acts like the motor's friction.
     """
     link = joint.remembering.rows[0].regressors.keys()
     return frozenset(c for names in joint.terms.values() if link & {*names} for c in names)
 
 
 def _kind(recording: Recording) -> Kind:
-    """What can be identified from the channels of a recording."""
+    """Return the kind of joint that the channels of a recording allow."""
     if recording.link_position is None:
         return "rigid"
     return "link" if recording.input is None else "flexible"
 
 
 def predicting(job: Job) -> tuple[Choice, Validation]:
-    """The structure that the data before the held-out ends show, and how it predicts these.
+    """Return the structure from the data before the held-out ends, and its predictions of these.
 
-    Terms beyond the usual ones have to pay there: a rig with too little data for them is better
+    Unusual terms must improve the predictions, since a log with too little data for them is better
     described without.
     """
     if not job.delay_in_doubt:
-        return _in_time(job, _predicting(job))
+        return _without_harmful_delay(job, _predicting(job))
     found = _predicting(replace(job, left_out=job.left_out | {LINK}))
     impossible = doubtful(found[0].fitted.by_name) - job.kept
     return _predicting(replace(job, left_out=impossible)) if impossible else found
 
 
-def _in_time(job: Job, found: tuple[Choice, Validation]) -> tuple[Choice, Validation]:
-    """What was found of the link alone, or the same without a delay if it predicts far better.
+def _without_harmful_delay(job: Job, found: tuple[Choice, Validation]) -> tuple[Choice, Validation]:
+    """Return `found`, or for a link alone the fit without delay if that predicts far better.
 
-    A late encoder acts like damping; together they may fit what no term describes, and drift away
-    in a free run.
+    A late encoder acts like damping. Together they may fit an effect that no term describes, and
+    then drift away in a free run.
     """
     fitted, thresholds = found[0].fitted, job.thresholds
     explained = fitted.excess <= thresholds.sensor_excess
@@ -237,13 +237,13 @@ def _predicting(job: Job) -> tuple[Choice, Validation]:
         job.progress("the usual terms alone as a rival")
         rival, other = _chosen(job, by_length, with_shapes=False)
         leaner = len(choice.fitted.names) < len(rival.fitted.names)
-        allowed = thresholds.generous_gain if leaner else 0.0  # what is leaner has paid already
+        allowed = thresholds.generous_gain if leaner else 0.0  # a leaner model is preferred
         if misprediction(validation) >= misprediction(other) + allowed:
             choice, validation = rival, other
     tried: FitsByLength | None = None
     while choice.by_length is not tried and not explains(choice.fitted, thresholds):
         tried = choice.by_length
-        for find in _beside(choice, job):
+        for find in _further_searches(choice, job):
             if (found := find(choice)) is None:
                 continue
             rival, its = _chosen(job, found, with_shapes=True)
@@ -256,14 +256,16 @@ def _predicting(job: Job) -> tuple[Choice, Validation]:
 
 
 def _chosen(job: Job, by_length: FitsByLength, *, with_shapes: bool) -> tuple[Choice, Validation]:
-    """What a log shows of a full model, and how that predicts; or a rival that does so better."""
+    """Return the structure of a full model that the log shows, or a better rival, and its fit."""
     choice = choose_structure(by_length, job.kept, with_shapes, job.progress, job.thresholds)
     job.progress("predicting the held-out data")
     return _preferred(choice, job)
 
 
-def _beside(choice: Choice, job: Job) -> Iterator[Callable[[Choice], FitsByLength | None]]:
-    """What to try where a choice leaves more than noise, each given what is chosen so far."""
+def _further_searches(
+    choice: Choice, job: Job
+) -> Iterator[Callable[[Choice], FitsByLength | None]]:
+    """Yield searches for further terms, each a function of the choice so far."""
     by_length, rest = choice.by_length, (job.progress, job.thresholds)
     full = by_length.found[-1]
     before = turning(by_length.found, job.thresholds)
@@ -272,37 +274,37 @@ def _beside(choice: Choice, job: Job) -> Iterator[Callable[[Choice], FitsByLengt
             yield lambda _: fit_with_hysteresis(by_length, before, *rest)
         for shape in SOUGHT:
             if not shape.is_in(full):
-                yield partial(_seeking, shape, by_length, before, job)
-    yield lambda chosen: _gapped(by_length, chosen, job)
+                yield partial(_with_shape, shape, by_length, before, job)
+    yield lambda chosen: _with_play(by_length, chosen, job)
 
 
-def _seeking(
+def _with_shape(
     shape: SoughtShape, by_length: FitsByLength, before: Fitted, job: Job, chosen: Choice
 ) -> FitsByLength | None:
-    """Fits with a shape whose constant is sought, unless it stands for play, a leaner term."""
+    """Return fits with a shape whose constant is sought; None if play is the leaner explanation."""
     rest = chosen.by_length.found, job.progress, job.thresholds
     found = fit_with_shape(shape, by_length, before, *rest)
     return None if found is None or is_slack(found.found[-1]) else found
 
 
 def _least_gain(rival: float, chosen: float, thresholds: Thresholds) -> float:
-    """What a rival has to save of the held-out data's errors, from the excess of both.
+    """Return the least fall of the held-out errors for a rival, from the excess of both.
 
-    What explains the log where the other does not has paid for itself already.
+    It is zero if only the rival explains the log.
     """
     explains = rival <= thresholds.sensor_excess < chosen
     return 0.0 if explains else thresholds.generous_gain
 
 
-def _gapped(by_length: FitsByLength, chosen: Choice, job: Job) -> FitsByLength | None:
-    """Fits with play, where what was chosen does not explain the log."""
+def _with_play(by_length: FitsByLength, chosen: Choice, job: Job) -> FitsByLength | None:
+    """Return fits with play; None if the choice so far explains the log, or play does not help."""
     if chosen.fitted.excess <= job.thresholds.sensor_excess:
         return None
     return fit_with_play(by_length, chosen.by_length.found, job.progress, job.thresholds)
 
 
 def _preferred(choice: Choice, job: Job) -> tuple[Choice, Validation]:
-    """The structure as it was chosen, or a rival of it that predicts far better."""
+    """Return the chosen structure, or one of its rivals that predicts far better."""
     starts = job.recordings.starts
     chosen = validate(choice.fitted, job.whole, starts)
     limit = misprediction(chosen) - job.thresholds.generous_gain

@@ -1,25 +1,25 @@
-"""A delay of the link's encoder: what passes for it, and what it passes for itself.
+"""Delay of the link's encoder, and the terms that it can be confused with.
 
-It may pass for a spring (`Skew`). Where the motor's row says little of it or is not there, it
-passes for damping and friction.
+A delay may look like a spring (`Skew`). If the motor's row is missing or explains little, a delay
+also looks like damping and friction.
 
-A joint looks the same at any time: what a late encoder shows is the motion of a link whose motor
-moved later. With a delay τ the link seems to obey, to first order in τ,
+With a late encoder the link seems to follow a motor that moved later. With a delay τ it obeys, to
+first order in τ,
 
     x1'' = … - θ2 (x1 - x3) - θ2 τ x4,
 
-and -θ2 τ x4 = θ2 τ (x2 - x4) - θ2 τ x2: a damping of the joint that is lower by θ2 τ beside a
-friction of the link that is higher by as much. The motor's row would say which of the two it is;
-the link alone cannot. What it can tell is their signs, since neither is ever negative:
+and -θ2 τ x4 = θ2 τ (x2 - x4) - θ2 τ x2. This is a damping of the joint that is lower by θ2 τ, and a
+friction of the link that is higher by θ2 τ. The motor's row would show which of the two it is, but
+the link alone does not. Only the signs help, since neither coefficient is negative in a real drive:
 
-- where both fit as they are, the delay is taken to be none, and the intervals span what the signs
-  leave possible;
-- where one comes out negative, the delay makes up for it, and that one is taken to be none;
-- where the spring comes out negative, damping has taken the part of the delay altogether, and both
-  are taken to be none beside it.
+- if both come out positive, the delay is taken as zero, and the intervals span all delays that the
+  signs allow;
+- if one comes out negative, it is taken as zero, and the delay is fitted;
+- if the stiffness comes out negative, damping has replaced the delay: damping and friction are
+  taken as zero, and the delay is fitted.
 
-A motor whose friction no term describes says little more: there an encoder that is early by just
-what makes its link's friction none is a damping of the joint.
+A motor with a friction that no term describes helps little. Then an early encoder whose delay
+cancels the link's friction is equivalent to a damping of the joint.
 """
 
 from collections.abc import Mapping
@@ -35,28 +35,25 @@ from flexid.identification.vocabulary.evidence import Estimate, interval
 from flexid.recording.velocities import position_noise
 
 CONFUSED = DAMPING, FRICTION = "theta_damping", "theta_viscous"
-"""What a delay passes for."""
+"""Coefficients that a delay is confused with."""
 
 _STIFFNESS = "theta2"
 
-_LITTLE = 0.1  # of a friction, that is left of it beside a damping: a model's error leaves 0.001
-_CHANCE = 0.5  # that there is a delay at all, before the log was seen
-_PARTS = 10  # of a log, whose delays differ by as much as they are uncertain
-_MOSTLY = 0.8  # share of the deflection's variance; of a spring's motion less is in one phase
+_LITTLE = 0.1  # largest share of a friction that is left with a damping; a model error leaves 0.001
+_CHANCE = 0.5  # prior probability of a delay
+_PARTS = 10  # parts of a log, whose delays show the uncertainty
+_MOSTLY = 0.8  # share of the deflection's variance; a spring's motion is less in one phase
 
 
 def doubtful(values: Mapping[str, float]) -> frozenset[str]:
-    """Which of damping and friction came out as no drive has them.
-
-    Neither is to be trusted where the spring itself came out negative.
-    """
+    """Return which of damping and friction came out negative; both if the stiffness did."""
     if values.get(_STIFFNESS, np.inf) <= 0.0:
         return frozenset(CONFUSED)
     return frozenset(name for name in CONFUSED if values.get(name, 0.0) < 0.0)
 
 
 def possible(values: Mapping[str, float]) -> tuple[float, float]:
-    """Ends in s of the further delay that the signs of damping and friction leave possible."""
+    """Return the range in s of further delays that the signs of damping and friction allow."""
     stiffness = values.get(_STIFFNESS, 0.0)
     if stiffness <= 0.0:
         return 0.0, 0.0
@@ -65,16 +62,16 @@ def possible(values: Mapping[str, float]) -> tuple[float, float]:
 
 
 def is_damping(values: Mapping[str, float]) -> bool:
-    """Whether an early encoder and a friction of its link are but one damping of the joint."""
+    """Whether an early encoder and a friction of its link are equivalent to joint damping."""
     delay, friction = values.get(LINK, 0.0), values.get(FRICTION, 0.0)
     left = friction + values.get(_STIFFNESS, 0.0) * delay
     return delay < 0.0 and abs(left) <= _LITTLE * friction
 
 
 def confused_covariance(estimate: Estimate) -> FloatArray:
-    """Covariance, shape (k, k), that a further delay adds: one is there as likely as not.
+    """Return the covariance, shape (k, k), from a further delay, present with probability 1/2.
 
-    If there is one, it may be any that the signs leave possible.
+    The delay is uniformly distributed over the range that the signs allow.
     """
     values = estimate.by_name
     lower, upper = possible(values)
@@ -89,7 +86,7 @@ def confused_covariance(estimate: Estimate) -> FloatArray:
 
 
 def in_doubt(alignment: Alignment, estimate: Estimate) -> Alignment:
-    """An alignment whose link delay is what the signs of damping and friction leave possible."""
+    """Return the alignment with the link delay's interval, fitted or from the allowed signs."""
     delay = alignment.link_delay
     if LINK in estimate.names:
         _, std, freedom = estimate.of(LINK)
@@ -100,30 +97,30 @@ def in_doubt(alignment: Alignment, estimate: Estimate) -> Alignment:
 
 @dataclass(frozen=True)
 class Skew:
-    """A delay between the encoders, in place of a spring."""
+    """Delay between the encoders that explains the deflection in place of a spring."""
 
-    delay: float  # in s, that explains most of the deflection
-    deviation: float  # its standard deviation in s, from the spread between parts of the log
-    explained: float  # its share of the deflection's variance
-    excess: float  # what it leaves, as a mean square over that of the deflection's noise
-    by_spring: float  # share of what it leaves that goes with the link's acceleration
+    delay: float  # in s
+    deviation: float  # standard deviation in s, from the spread between parts of the log
+    explained: float  # explained share of the deflection's variance
+    excess: float  # mean square of the remainder over the deflection's noise
+    by_spring: float  # share of the remainder that the link's acceleration explains
 
     @property
     def makes_the_deflection(self) -> bool:
-        """Whether a delay explains so much of the deflection that no spring is known.
+        """Whether the delay explains so much of the deflection that it shows no spring.
 
-        What it leaves may be little, and still all that a spring does.
+        A small remainder may still be a spring, if the link's acceleration explains it.
         """
         return self.explained > _MOSTLY > self.by_spring
 
     def delays_the_link(self, alignment: Alignment) -> Alignment:
-        """An alignment in which the link's encoder is late by this, which the fit took as given."""
+        """Return the alignment with this delay as the link's, which the fit took as given."""
         ends = interval(self.delay, self.deviation, _PARTS - 1)
         return replace(alignment, link_delay=Delay(self.delay, self.deviation, ends, "found"))
 
 
 def skew(joint: Joint, data: Data) -> Skew:
-    """What a delay between the encoders makes of the deflection."""
+    """Fit a delay between the encoders to the deflection."""
     rows, left, noise, count = [], [], 0.0, sum(map(len, data.samples))
     for samples in data.samples:
         assert samples.velocities is not None
@@ -152,7 +149,7 @@ def skew(joint: Joint, data: Data) -> Skew:
 
 
 def shifted(data: Data, delay: float) -> Data:
-    """A log whose link's positions are put a delay earlier."""
+    """Return the log with the link's positions moved earlier by a delay in s."""
     moved = []
     for samples in data.samples:
         positions = samples.positions.copy()

@@ -1,13 +1,13 @@
-"""Terms whose constants follow from the log: ripple, Stribeck friction, a spring that bends.
+"""Terms with constants that are sought in the log: ripple, Stribeck friction, a bent spring.
 
-Cogging, the teeth of a gear and an uneven commutation act on the motor as a sine of its position.
-What least squares of the motor's row leaves, summed over the position, shows in its spectrum how
-many periods such a sine may have in a turn, unless there are but a few in the whole motion.
-Friction falls off its static value as the motor moves. A spring has another stiffness beyond some
-deflection, as catalogues of gears have it.
+Cogging, gear teeth and uneven commutation act on the motor as a sine of its position. The residuals
+of the motor's row, summed over the position, show in their spectrum how many periods such a sine
+has in a turn, unless the whole motion has only a few. Stribeck friction falls from its static value
+as the motor moves. A bent spring has another stiffness beyond some deflection, as in gear
+catalogues.
 
-A term of that kind joins the model where the usual terms leave more than noise, with the constant
-that promises to explain most of it; from there the fit finds both.
+Such a term is tried if the usual terms leave more than noise. It starts with the constant that is
+predicted to explain the most. Then the fit finds coefficients and constant together.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -51,32 +51,32 @@ _AROUND = np.linspace(-0.4, 0.4, 5)  # of the resolution
 
 @dataclass(frozen=True)
 class SoughtShape:
-    """A term with a constant that is sought."""
+    """Term with a constant that is sought."""
 
-    words: str  # what it describes
-    coefficients: frozenset[str]  # of the term, those that follow from others and the constant too
+    words: str  # description of the term
+    coefficients: frozenset[str]  # of the term, including tied ones and the constant
     constant: str  # the constant's name in the model
-    # constants that a structure and its data speak for; none where nothing moves
+    # returns candidate values of the constant; none if nothing moves
     candidates: Callable[[Structure, Data], list[float]]
-    # how far apart two constants are, near that of a joint, which its data distinguish at a glance
+    # returns the difference of two constants that the data clearly distinguish
     resolution: Callable[[Joint, Data], float]
-    # what a constant has to exceed, to be seen beside a fit
+    # returns the lower limit of a visible constant
     least: Callable[[Fitted], float] = lambda _: 0.0
 
     def of(self, structure: Structure) -> float:
-        """The constant of a structure."""
+        """Return the constant of a structure."""
         return structure.joint.first[self.constant]
 
     def put(self, structure: Structure, value: float) -> Structure:
-        """The structure with another constant."""
+        """Return the structure with another constant."""
         return replace(structure, joint=structure.joint.with_widths({self.constant: value}))
 
     def is_seen_in(self, fitted: Fitted) -> bool:
-        """Whether the constant of a fit is large enough to be seen."""
+        """Whether the constant of a fit is large enough to be visible."""
         return self.of(fitted.structure) > self.least(fitted)
 
     def is_in(self, fitted: Fitted) -> bool:
-        """Whether a fit has the term, its coefficients sought or given."""
+        """Whether a fit has the term, with fitted or given coefficients."""
         structure = fitted.structure
         leading = (self.coefficients & structure.joint.shapes) - structure.joint.ties.keys()
         return bool(leading - structure.absent)
@@ -90,9 +90,9 @@ def fit_with_shape(
     progress: Progress,
     thresholds: Thresholds,
 ) -> FitsByLength | None:
-    """Fit a joint with a term more where one without leaves more than noise.
+    """Fit a joint with one more term if the fit without it leaves more than noise.
 
-    Returns none where the term hardly helps, or something else does so better.
+    Returns None if the term hardly helps, or if another term explains more.
     """
     full = by_length.found[-1].structure
     if shape.coefficients.isdisjoint(full.joint.shapes):
@@ -102,8 +102,8 @@ def fit_with_shape(
     for promise, structure in _promising(shape, sampled(before), full):
         if promise < thresholds.shape_promise:
             continue
-        way = before.by_name
-        first = explained_by(before, structure, way, floor, thresholds, shape.is_seen_in)
+        start = before.by_name
+        first = explained_by(before, structure, start, floor, thresholds, shape.is_seen_in)
         if first is not None:
             worse = leaves_more(first, chosen, thresholds)
             return None if worse else _fit_longer(first, by_length, thresholds)
@@ -113,10 +113,10 @@ def fit_with_shape(
 def fit_requested_shape(
     shape: SoughtShape, by_length: FitsByLength, progress: Progress, thresholds: Thresholds
 ) -> FitsByLength:
-    """Fit a joint with a term more whatever it explains, since somebody asked for it.
+    """Fit a joint with one more term that the settings require.
 
-    A log that hardly shows the term says nothing of its constant, which then stays: from where the
-    motion does not reach, it would let the coefficients be anything.
+    If the log hardly shows the term, its constant is held fixed. Outside the range of the motion it
+    would leave the coefficients undetermined.
     """
     progress(shape.words)
     before = turning(by_length.found, thresholds) or by_length.found[-1]
@@ -134,14 +134,14 @@ def fit_requested_shape(
 
 
 def _fit_longer(first: Fitted, by_length: FitsByLength, thresholds: Thresholds) -> FitsByLength:
-    """Fits over longer segments, with the hold that suits the log."""
+    """Return fits over longer segments, with the best hold."""
     return by_length.with_term([first, *by_length.longer(first, thresholds)], thresholds)
 
 
 def _promising(
     shape: SoughtShape, before: Fitted, full: Structure
 ) -> Iterator[tuple[float, Structure]]:
-    """Structures with the term and the constants that promise most, the most promising first."""
+    """Yield structures with the most promising constants, each with its predicted share."""
     structure = replace(full, absent=full.absent - shape.coefficients)
     structure = structure.with_hold(before.structure.timing.hold)
     constants = shape.candidates(before.structure, before.data)
@@ -160,46 +160,46 @@ def _promised(before: Fitted, structure: Structure) -> float:
 def _near(
     shape: SoughtShape, before: Fitted, structure: Structure, value: float
 ) -> list[tuple[float, Structure]]:
-    """What constants within the resolution promise, and structures with them."""
+    """Return predicted shares and structures for constants within the resolution."""
     resolution = shape.resolution(shape.put(structure, value).joint, before.data)
     constants = (value + _AROUND * resolution).tolist()
     near = [shape.put(structure, away) for away in constants if away > shape.least(before)]
     return side_by_side(lambda own: (_promised(before, own), own), near)
 
 
-_MOTOR = 1  # row and position
+_MOTOR = 1  # index of the motor's row and position
 _RATES = (60.0, 200.0)  # 1/s, of the filters of least squares
-_PEAKS = 4  # of a spectrum
-_LARGEST = {"revolute": 500.0, "prismatic": 2e3 * np.pi}  # periods in a turn; in 2π m, of 1 mm each
-_FASTEST = 0.5  # rad in a sampling interval, at the motor's usual velocity
-_FEW = (1.0, 1.75, 2.5, 3.25, 4.0)  # periods in the range of the motion, which make no sharp peak
-_FEWEST = 1.0  # periods in the range of the motion: fewer are any slow function of the position
-_FINER = 8  # times the resolution of a spectrum
-_BINS = 8  # in a period of the largest number
-_MOST_BINS = 2**18  # of a spectrum, however many turns there are
-# Stribeck velocities, of the motor's root mean square; and of one, to the next one that the data
-# distinguish at a glance.
+_PEAKS = 4  # most peaks of a spectrum that are tried
+_LARGEST = {"revolute": 500.0, "prismatic": 2e3 * np.pi}  # periods per turn, or per 2π m (1 mm)
+_FASTEST = 0.5  # largest phase in rad per sample, at the motor's usual velocity
+_FEW = (1.0, 1.75, 2.5, 3.25, 4.0)  # periods in the range of motion, too few for a sharp peak
+_FEWEST = 1.0  # least periods in the range of motion; fewer are any slow function of the position
+_FINER = 8  # zero-padding of a spectrum
+_BINS = 8  # position bins in a period of the largest number
+_MOST_BINS = 2**18  # of a spectrum
+# Stribeck velocities over the motor's root mean square velocity; difference to the next clearly
+# distinguishable one, over the velocity itself.
 _VELOCITIES, _NEXT_VELOCITY = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64), 0.8
-# Bends, of the deflection's standard deviation; counted from its mean, which a preload moves.
+# Bends over the deflection's standard deviation, counted from its mean, which a preload shifts.
 _DEFLECTIONS, _NEXT_DEFLECTION = (0.0, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0), 0.4
-_LEAST_DEFLECTION = 0.2  # the same: a bend at less passes for friction
+_LEAST_DEFLECTION = 0.2  # least bend, likewise: a smaller one looks like friction
 _BENDS = (*SHAPE_TERMS["bent_spring"].link, *SHAPE_TERMS["bent_spring"].motor)
-_SLACK = 0.01  # of the stiffness beyond the bend: of what is so soft below it nothing is known
+_SLACK = 0.01  # stiffness below the bend over that beyond it, up to which the bend looks like play
 
 
 def _apart_in_number(_: Joint, data: Data) -> float:
-    """Difference of two numbers of periods in a turn: one period over the whole motion."""
+    """Return the resolution of the periods per turn: one period over the whole motion."""
     return 2.0 * np.pi / _range(data)
 
 
 def _range(data: Data) -> float:
-    """How far the motor moved, in rad."""
+    """Return the range of the motor's motion in rad."""
     positions = [recording.positions[:, _MOTOR] for recording in data.samples]
     return float(max(p.max() for p in positions) - min(p.min() for p in positions))
 
 
 def numbers(structure: Structure, data: Data) -> list[float]:
-    """Periods in a turn of which what least squares leaves may have some."""
+    """Return candidate numbers of periods in a turn, from the residuals of least squares."""
     if not _range(data) > 0.0:
         return []
     apart = _apart_in_number(structure.joint, data)
@@ -211,7 +211,7 @@ def numbers(structure: Structure, data: Data) -> list[float]:
 
 
 def _peaks(structure: Structure, data: Data, rate: float) -> list[float]:
-    """Where the spectrum of what the motor's row leaves, by the position, has its largest peaks."""
+    """Return the largest peaks of the spectrum, over position, of the motor row's residuals."""
     velocities = [structure.joint.both_sides(s)[1][:, _MOTOR] for s in data.samples]
     speed = float(np.sqrt(np.mean(np.concatenate(velocities) ** 2)))
     largest = _LARGEST[structure.joint.type]
@@ -239,7 +239,7 @@ def _peaks(structure: Structure, data: Data, rate: float) -> list[float]:
 
 
 def _backwards(signal: FloatArray, pole: float) -> FloatArray:
-    """A signal backwards through the filter that delayed it: what it holds acts where it arose."""
+    """Return a signal filtered backwards, to undo the delay of the forward filter."""
     padded = 2 * len(signal)
     turns = np.exp(-2j * np.pi * np.arange(padded // 2 + 1) / padded)
     response = ((1.0 - pole) / (1.0 - pole * turns)) ** 2
@@ -258,21 +258,21 @@ RIPPLE = SoughtShape(
 
 
 def _apart_in_velocity(joint: Joint, _: Data) -> float:
-    """Difference of two Stribeck velocities, in rad/s: it grows with the velocity itself."""
+    """Return the resolution of Stribeck velocities in rad/s, proportional to the velocity."""
     return _NEXT_VELOCITY * joint.first[STRIBECK_VELOCITY]
 
 
 def velocities(structure: Structure, data: Data) -> list[float]:
-    """Velocities in rad/s over which static friction may fall off."""
+    """Return candidate Stribeck velocities in rad/s."""
     sides = (structure.joint.both_sides(recording)[1] for recording in data.samples)
     usual = float(np.sqrt(np.mean(np.concatenate([v[:, _MOTOR] for v in sides]) ** 2)))
     return [share * usual for share in _VELOCITIES] if usual > 0.0 else []
 
 
 def _lost_in_a_sample(fitted: Fitted) -> float:
-    """Velocity in rad/s that dry friction alone takes from the motor between two samples.
+    """Return the change of velocity in rad/s by dry friction alone between two samples.
 
-    A friction that falls off over less changes faster than the log was sampled.
+    Friction with a smaller Stribeck velocity would change faster than the log was sampled.
     """
     sample_time = max(samples.sample_time for samples in fitted.data.samples)
     return abs(fitted.by_name.get("alpha_coulomb", 0.0)) * sample_time
@@ -290,23 +290,23 @@ STRIBECK = SoughtShape(
 
 
 def _deflection(joint: Joint, data: Data) -> tuple[float, float]:
-    """Mean of the deflection, and its standard deviation, in rad."""
+    """Return mean and standard deviation of the deflection in rad."""
     every = joint.deflections(data.samples)
     return float(np.mean(every)), float(np.std(every))
 
 
 def _apart_in_deflection(joint: Joint, data: Data) -> float:
-    """Difference of two deflections at which a spring may bend, in rad."""
+    """Return the resolution of the deflection at which a spring bends, in rad."""
     return _NEXT_DEFLECTION * _deflection(joint, data)[1]
 
 
 def deflections(structure: Structure, data: Data) -> list[float]:
-    """Deflections at which the spring may bend, in rad."""
+    """Return candidate deflections in rad at which the spring may bend."""
     mean, usual = _deflection(structure.joint, data)
     if not usual > 0.0:
         return []
     mean -= structure.joint.extended.constants[SPRING_CENTRE]
-    tried = {abs(mean) + way * share * usual for share in _DEFLECTIONS for way in (-1.0, 1.0)}
+    tried = {abs(mean) + sign * share * usual for share in _DEFLECTIONS for sign in (-1.0, 1.0)}
     return sorted(deflection for deflection in tried if deflection >= _LEAST_DEFLECTION * usual)
 
 
@@ -321,7 +321,7 @@ BEND = SoughtShape(
 
 
 def is_slack(fitted: Fitted) -> bool:
-    """Whether a bent spring has hardly any stiffness below its bend, as one with play has."""
+    """Whether a bent spring has hardly any stiffness below its bend, like a spring with play."""
     values = {**fitted.structure.fixed, **fitted.by_name}
     springs = zip(map(values.get, SPRING), map(values.get, _BENDS), strict=True)
     known = [(below, more) for below, more in springs if below is not None and more is not None]
@@ -329,23 +329,23 @@ def is_slack(fitted: Fitted) -> bool:
 
 
 SOUGHT = (STRIBECK, RIPPLE, BEND)
-"""Terms that join the model by themselves, each with a constant that is sought."""
+"""Terms that are tried automatically, each with a constant that is sought."""
 
 SOUGHT_COEFFICIENTS = frozenset(c for shape in SOUGHT for c in shape.coefficients)
-"""Their coefficients."""
+"""Coefficients of the terms in `SOUGHT`."""
 
 
 def settled(fitted: Fitted) -> Fitted:
-    """A fit whose play is as wide as its gap, and whose spring is about its own centre."""
+    """Return a fit with the width of play equal to its gap, and a centred spring."""
     return as_wide_as_its_gap(about_its_own_centre(fitted))
 
 
 def sought_constants(
     estimate: Estimate, structure: Structure
 ) -> dict[str, tuple[float, float, float]]:
-    """Value, standard deviation and degrees of freedom of each constant that was sought.
+    """Return value, standard deviation and degrees of freedom of each sought constant.
 
-    Of one that was held nothing is known.
+    A constant that was held fixed has an infinite standard deviation.
     """
     held = SOUGHT_CONSTANTS & structure.fixed.keys()
     found = {name: (structure.fixed[name], np.inf, 0.0) for name in sorted(held)}

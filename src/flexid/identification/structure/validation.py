@@ -1,8 +1,8 @@
-"""How well the model alone predicts a stretch that was kept out of the fit, and for how long.
+"""Validation: predictions of held-out data over several horizons.
 
-The state at the start of a prediction is taken from the data before it, half a second unless told
-otherwise: the model is fitted to that with its initial states as the only unknowns, or an observer
-follows it; and the model runs on from there. Nothing of the stretch itself but the input is used.
+The state at the start of a prediction comes from the data before it, by default half a second. The
+model is fitted to these data with its initial states as the only unknowns, or an observer follows
+them. From there the model runs freely. Of the predicted data only the input is used.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,7 +21,7 @@ from flexid.identification.vocabulary.evidence import FreeRun, Validation
 
 _MOST_STEPS = 10
 _NULL = 1e-9  # of the largest eigenvalue
-_CONVERGED = 1e-4  # relative fall of the sum of squares that the last step promises
+_CONVERGED = 1e-4  # relative fall of the sum of squares predicted for the last step
 
 
 def following_states(
@@ -29,13 +29,13 @@ def following_states(
     values: FloatArray,  # (k,)
     windows: Segments,
 ) -> FloatArray:
-    """First states for which a model follows its windows best, its coefficients given.
+    """Fit the first states of each window, with the coefficients given.
 
     Returns shape (n_windows, n_states).
     """
     states = replace(model, segments=windows).start_states
     normal, gradient, costs = _equations(model, values, windows, states)
-    share = np.ones(len(windows))  # of a step, that is taken
+    share = np.ones(len(windows))  # of a step
     seeking = np.arange(len(windows))
     for _ in range(_MOST_STEPS):
         inverse = scaled_pseudo_inverse(normal[seeking], _NULL)
@@ -48,7 +48,7 @@ def following_states(
             break
         trial = states[seeking] + share[seeking, None] * steps
         tried = _equations(model, values, windows.at(seeking), trial)
-        # One that a step leads astray, where a side sticks or is jolted, keeps no other back.
+        # Windows are accepted one by one, so that a jolt in one does not stop the others.
         better = tried[-1] < costs[seeking]
         share[seeking] = np.where(better, 1.0, 0.5 * share[seeking])
         for own, its in zip((states, normal, gradient, costs), (trial, *tried), strict=True):
@@ -59,7 +59,7 @@ def following_states(
 def _equations(
     model: SegmentedMotion, values: FloatArray, windows: Segments, states: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Normal matrices and gradients of the first states, window by window, and costs."""
+    """Return normal matrices and gradients of the first states, by window, and costs."""
     problem = replace(model, segments=windows)
     firsts = problem.first_blocks[:-1]
     found = problem.equations(Point(values, states), "states")
@@ -70,23 +70,23 @@ def _equations(
 Follower = Callable[
     [SegmentedMotion, FloatArray, Segments, NDArray[np.int64]], tuple[SegmentedMotion, FloatArray]
 ]
-"""Follows stretches for so many samples each, and predicts what comes after.
+"""Function that follows the first samples of each window and predicts the others.
 
-Takes a model, its values, the stretches and the numbers of samples; returns a motion over the
-stretches and their first states.
+It takes a model, its values, the windows and the number of samples to follow in each. It returns a
+motion over the windows and their first states.
 """
 
 
 Channels = Joint | ElasticArm
-"""What a free run is compared in."""
+"""Models that define the channels of a free run."""
 
 HORIZONS = (0.05, 0.2, 1.0, 5.0)
-"""Seconds after which predictions begin again."""
+"""Lengths of predictions in s."""
 
-_WARM_UP = 0.5  # s of data before a prediction from which its first state is taken
-_ENOUGH = 20_000  # samples of a recording, in as many windows as are needed, for each horizon
-_SMALLEST, _LARGEST = 1e-9, 1e4  # per cent of the motion, errors that are compared
-_REST = 0.05  # root mean square of held-out motion over that of fitted motion, below which it rests
+_WARM_UP = 0.5  # s of data before a prediction, for its first state
+_ENOUGH = 20_000  # most samples of a recording that are predicted, for each horizon
+_SMALLEST, _LARGEST = 1e-9, 1e4  # limits of compared errors, in per cent of the motion
+_REST = 0.05  # root mean square of held-out over fitted motion, below which a channel rests
 
 
 def validate(
@@ -99,8 +99,8 @@ def validate(
 ) -> Validation:
     """Predict the held-out end of each recording.
 
-    With fit −inf per cent in every channel if the free run diverges, and NaN in a channel that
-    hardly moves in the held-out stretches, where a fit would test nothing.
+    The fit is −inf per cent in every channel if the free run diverges. It is NaN in a channel that
+    hardly moves in the held-out ends, where it would test nothing.
     """
     joint, problem = fitted.structure.joint, fitted.problem
     rest = (data.samples, starts, horizons, follow, warm_up)
@@ -117,11 +117,11 @@ def validate_with(
     follow: Follower | None = None,
     warm_up: float = _WARM_UP,  # s
 ) -> Validation:
-    """Predict the held-out end of each recording with given values, wherever they come from.
+    """Predict the held-out end of each recording with given values.
 
-    An observer knows where a motion is now, its disturbances among it, but forgets what was half a
-    second ago. So `follow` is for predictions that are no longer; a longer one begins from the
-    state that fits that time best.
+    An observer knows the present state with its disturbances, but its memory is short. So `follow`
+    is used for horizons up to `warm_up`. Longer predictions begin from states fitted to the data
+    before them.
     """
     spreads = _spreads(joint, samples, starts)
     windows = _windows(samples, starts, tuple(dict.fromkeys((np.inf, *horizons))), warm_up)
@@ -143,7 +143,7 @@ def validate_with(
 
 
 def misprediction(validation: Validation) -> float:
-    """Mean logarithm of the errors over horizons and channels: what a better model has less of."""
+    """Return the mean logarithm of the errors over horizons and channels; less is better."""
     fits = [f for by_channel in validation.horizons.values() for f in by_channel.values()]
     fits += list(validation.fit_percent.values())
     errors = np.array([100.0 - fit for fit in fits if not np.isnan(fit)])
@@ -152,24 +152,24 @@ def misprediction(validation: Validation) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Windows:
-    """Stretches of recordings whose first samples are followed and the others predicted."""
+    """Windows of recordings whose first samples are followed and the others predicted."""
 
     segments: Segments  # in the order of the recordings
-    warm: NDArray[np.int64]  # (n_windows,): samples that are followed
-    horizons: FloatArray  # (n_windows,): seconds that are predicted
+    warm: NDArray[np.int64]  # (n_windows,): number of samples that are followed
+    horizons: FloatArray  # (n_windows,): predicted time in s
 
     def those(self, chosen: NDArray[np.bool_]) -> "_Windows":
-        """Some of them."""
+        """Return the chosen windows."""
         return _Windows(self.segments.at(chosen), self.warm[chosen], self.horizons[chosen])
 
 
 def _windows(
     recordings: Sequence[Samples],
     starts: Sequence[int],
-    horizons: Sequence[float],  # in s, infinite for what runs to the end of its recording
+    horizons: Sequence[float],  # in s, infinite up to the end of a recording
     warm_up: float,  # in s
 ) -> _Windows:
-    """Windows that begin again after each horizon, or some of them, spread evenly."""
+    """Return consecutive windows of each horizon, or some of them, evenly spread."""
     rows = []
     for place, (samples, start) in enumerate(zip(recordings, starts, strict=True)):
         warm = max(FEWEST_SAMPLES, round(warm_up / samples.sample_time))
@@ -179,7 +179,7 @@ def _windows(
                 span = round(horizon / samples.sample_time)
                 if span == 0:
                     continue  # shorter than a sample time
-                # What is followed must not overlap with what another window predicts.
+                # Followed samples must not overlap with predicted samples of another window.
                 origins = list(range(start, len(samples) - span, span + warm))
                 origins = origins[:: len(origins) * (span + warm) // _ENOUGH + 1]
             for origin in origins:
@@ -202,7 +202,7 @@ def _windows(
 def _predicted(
     joint: Channels, motion: SegmentedMotion, point: Point, warm: NDArray[np.int64]
 ) -> list[FreeRun]:
-    """Predicted motion over the rest of each window, whose first samples are followed."""
+    """Return measured and predicted channels of each window after its followed samples."""
     equations = motion.equations(point, "nothing")
     measured, windows = motion.on_time(point.values), motion.segments
     runs = []
@@ -223,13 +223,13 @@ def _predicted(
 def from_fitted_states(
     model: SegmentedMotion, values: FloatArray, windows: Segments, warm: NDArray[np.int64]
 ) -> tuple[SegmentedMotion, FloatArray]:
-    """The model over windows, from the states with which it follows their first samples best."""
+    """Return the model over windows, with first states fitted to their first samples."""
     states = following_states(model, values, replace(windows, lengths=warm))
     return replace(model, segments=windows), states
 
 
 def _spreads(joint: Channels, samples: Sequence[Samples], starts: Sequence[int]) -> FloatArray:
-    """Root mean square of the held-out motion about its mean, per channel; NaN where it rests."""
+    """Return the held-out motion's standard deviation, by channel; NaN if a channel rests."""
     every = [joint.channels_of(recording.positions, recording.inputs) for recording in samples]
     held = _spread([y[start:] for y, start in zip(every, starts, strict=True)])
     fitted = _spread([y[:start] for y, start in zip(every, starts, strict=True)])
@@ -246,7 +246,7 @@ def percent_explained(
     runs: Sequence[FreeRun],
     spreads: FloatArray,  # (n_channels,)
 ) -> dict[str, float]:
-    """Per cent of each channel that runs predict, of root mean squares."""
+    """Return the fit in per cent of each channel, from root mean squares."""
     squares = sum(np.sum((run.measured - run.simulated) ** 2, axis=0) for run in runs)
     error = np.sqrt(np.asarray(squares) / sum(len(run.time) for run in runs))
     with np.errstate(invalid="ignore"):
