@@ -1,1 +1,1 @@
-"""The full model, fitted to data."""
+"""Fit of the full model, with every usual term, to data."""

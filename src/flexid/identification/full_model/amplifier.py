@@ -1,13 +1,12 @@
-"""What an input was before it was logged, and what an amplifier made of it.
+"""Search for an amplifier's dead zone and limit, and for a filter between input and log.
 
-An amplifier has a limit, and of a voltage a dead zone; on its way into the log an input may have
-been low-passed.
+The commanded input may differ from the input that reaches the motor. An amplifier has a limit, and
+one with a voltage may have a dead zone: inputs within it have no effect, larger ones are reduced by
+it. The input may also have been low-passed before it was logged.
 
-What was commanded is not what reaches the motor. Below the dead zone nothing passes, and of more
-only what exceeds it; beyond the limit nothing follows. Neither is linear in the
-coefficients, but both leave the balance of the motor linear in all else, so that least squares
-shows which of them suit the log. Uncorrected, a dead zone of 3 % of the range makes the gain 8 %
-and the inertias' ratio up to 13 % wrong.
+Dead zone and limit are not linear coefficients. With both given, the motor's balance is linear in
+all others, so least squares shows which values suit the log. Without correction, a dead zone of 3 %
+of the range makes the gain 8 % and the ratio of inertias up to 13 % wrong.
 """
 
 from collections.abc import Iterable, Sequence
@@ -27,37 +26,37 @@ from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.preparation.recordings import IDEAL, Amplifier
 
 _LARGEST_DEAD_ZONE, _LIMITS = 0.1, (0.1, 1.0)  # of the largest input
-_NOTHING = np.finfo(float).tiny  # left by a log without noise
+_LEAST_MISFIT = np.finfo(float).tiny  # for a log without noise
 _TOLERANCE = 1e-3  # of the largest input
-_FINE, _LEAST_SPREAD = 1e-3, 0.01  # of a lag: steps of its search; what no filter knows better
-_RATES = (20.0, 60.0)  # 1/s, of filters that agree on what is no friction
-# Of the motor's misfit that a correction saves at least, with either filter: dead zones of 2 to
-# 4 % save half and more where an input takes all values, and hardly anything where it is a square
-# wave, whose dead zone is a smaller gain.
+_FINE, _LEAST_SPREAD = 1e-3, 0.01  # of a lag: tolerance of its search; least standard deviation
+_RATES = (20.0, 60.0)  # 1/s, of filters whose results must agree
+# Least relative fall of the motor's misfit by a correction, with either filter. Dead zones of 2 to
+# 4 % cause half of the misfit or more if the input takes all values. For a square wave they cause
+# hardly any misfit, since a dead zone only reduces its gain.
 _LEAST_SAVED = 0.1
-_REFINED = 0.01  # the same of one that is corrected already, once the other one is
-_LAGS = np.geomspace(1e-3, 0.03, 8)  # s, of filters of a drive for the current that it logs
-# Of a recording's samples, those that are at least on either side of a limit: a square wave is on
-# one side, and what passes for a limit is a gain that differs between two of them.
+_REFINED = 0.01  # least relative fall when a found correction is refined
+_LAGS = np.geomspace(1e-3, 0.03, 8)  # s, time constants of filters of a logged current
+# Least share of a recording's samples on either side of a limit. A square wave is on one side only;
+# a different gain of two square waves may look like a limit.
 _CROSSING = 0.01
-_SLOW = 0.1  # of the motor's usual speed, up to which it may stick
-# Of a filter's memory, the share that may be of a slow motor: with more, rests show in the
-# equations as dead zones of 4 to 10 % that are none.
+_SLOW = 0.1  # of the motor's usual speed; below it the motor may stick
+# Largest share of a filter's memory during which the motor is slow. With more, rest looks like dead
+# zones of 4 to 10 % that do not exist.
 _REMEMBERED = 0.02
-_FORGOTTEN = 12.0  # time constants, after which a filter remembers less than 1e-4
-_FEWEST = 100  # equations of a moving motor: ten for each coefficient
-# Of a cube's squares, the share beyond a gain: 0.1 of a sine, 0.16 of random levels, and 0.005 of
-# square waves that drift by 5 % or whose edges take 5 ms.
+_FORGOTTEN = 12.0  # time constants after which a filter's response is below 1e-4
+_FEWEST = 100  # least number of equations of a moving motor: ten for each coefficient
+# Least share of the input's squared cube beyond a gain. It is 0.1 for a sine, 0.16 for random
+# levels, and 0.005 for square waves that drift by 5 % or have edges of 5 ms.
 _BEYOND = 0.03
-_NORMAL = 0.6745  # median of what is normally distributed, without its sign
-_DRIVEN = ("motor", "rigid")  # rows that an input drives
+_NORMAL = 0.6745  # median of the absolute value of a standard normal variable
+_DRIVEN = ("motor", "rigid")  # rows with the input
 
 
 def shows_saturation(data: Data) -> bool:
-    """Whether a cube of the input is more than a gain, an offset and its noise.
+    """Whether the cube of the input differs from a gain, an offset and noise.
 
-    Of a square wave it is not: as a term it would take noise and drift of the input away, or
-    sharpen its edges, and make the gain half as large again and more.
+    For a square wave it does not. There a cubic term would only fit noise, drift and edges of the
+    input, and make the gain wrong by half of it or more.
     """
     inputs = [own.inputs[:, 0] for own in data.samples]
     every = np.concatenate(inputs)
@@ -70,14 +69,15 @@ def shows_saturation(data: Data) -> bool:
 
 
 def _white_noise(values: FloatArray) -> float:
-    """Standard deviation of what is white between the jumps of an input, by a median."""
+    """Return the standard deviation of an input's white noise between jumps, from a median."""
     return float(np.median(np.abs(np.diff(values, 4)))) / (_NORMAL * sqrt(comb(8, 4)))
 
 
 def amplifier_of(structure: Structure, data: Data, *, is_voltage: bool) -> Amplifier:
-    """The limit that a log shows; of a voltage also the dead zone, which is a friction of others.
+    """Return the amplifier with the limit that a log shows, and for a voltage also the dead zone.
 
-    A current is controlled, and a torque is what acts, but either may be what was commanded.
+    For a current or a torque, a dead zone cannot be told from friction. Both may be commanded
+    values, so they may have a limit.
     """
     driven = _Driven(structure, data)
     if not driven.is_enough:
@@ -88,7 +88,7 @@ def amplifier_of(structure: Structure, data: Data, *, is_voltage: bool) -> Ampli
         corrections = {"dead_zone": (0.0, _LARGEST_DEAD_ZONE), **corrections}
     found, left = IDEAL, driven.misfits(IDEAL)
     before = None
-    while found != before:  # one shows, and is right, only beside the other
+    while found != before:  # each is visible and correct only together with the other
         before = found
         for field, ends in corrections.items():
             best = driven.best(found, field, ends)
@@ -104,7 +104,7 @@ def amplifier_of(structure: Structure, data: Data, *, is_voltage: bool) -> Ampli
 def with_log_lag(
     structure: Structure, data: Data, amplifier: Amplifier, likely: float
 ) -> Amplifier:
-    """The same amplifier, logged behind the filter that suits the log best, about as `likely`."""
+    """Return the amplifier with the log's filter of best fit, searched from `likely` in s."""
     driven = _Driven(structure, data)
     if not driven.is_enough:
         return amplifier
@@ -112,9 +112,9 @@ def with_log_lag(
 
 
 def limit_changes(structure: Structure, data: Data, amplifier: Amplifier) -> dict[str, float]:
-    """Relative standard deviations, with their signs, that the limit's own makes of coefficients.
+    """Return signed relative standard deviations of coefficients from the limit's uncertainty.
 
-    Each filter has a limit that suits it best: by as much as they differ, it is not known.
+    That uncertainty is the difference of the best limits with either filter.
     """
     if amplifier.limit is None:
         return {}
@@ -127,7 +127,7 @@ def limit_changes(structure: Structure, data: Data, amplifier: Amplifier) -> dic
 
 
 def log_lag_changes(structure: Structure, data: Data, amplifier: Amplifier) -> dict[str, float]:
-    """The same of the lag of the log."""
+    """Return signed relative standard deviations of coefficients from the log lag's uncertainty."""
     driven = _Driven(structure, data)
     one, other = (driven.best_log_lag(amplifier, amplifier.log_lag, (rate,)) for rate in _RATES)
     spread = max(abs(one - other) / sqrt(2.0), _LEAST_SPREAD * amplifier.log_lag)
@@ -139,19 +139,19 @@ def log_lag_changes(structure: Structure, data: Data, amplifier: Amplifier) -> d
 
 @dataclass(frozen=True, eq=False)
 class _Driven:
-    """The driven balance of a log, by least squares where its motor moves."""
+    """Least squares of the balance with the input, while the motor moves."""
 
     structure: Structure
     data: Data
 
     @cached_property
     def largest(self) -> float:
-        """The largest input."""
+        """Largest absolute input."""
         return max(float(np.abs(samples.inputs[:, 0]).max()) for samples in self.data.samples)
 
     @cached_property
     def moves(self) -> dict[float, NDArray[np.bool_]]:
-        """By filter, whether the motor moves, equation by equation."""
+        """Whether the motor moves in each equation, by filter rate."""
         return {rate: _moves(self.data, rate) for rate in _RATES}
 
     @property
@@ -166,15 +166,15 @@ class _Driven:
         ends: tuple[float, float],  # of the largest input
         rates: Sequence[float] = _RATES,
     ) -> Amplifier:
-        """The amplifier with which least is left, as a geometric mean over the filters."""
-        # Slow to import, and few logs need it.
+        """Return the amplifier with the least misfit, as a geometric mean over the filters."""
+        # Imported late: it is slow, and few logs need it.
         from scipy.optimize import minimize_scalar
 
         def corrected(share: float) -> Amplifier:
             return replace(amplifier, **{field: share * self.largest})
 
         def left(share: float) -> FloatArray:
-            return np.log(np.maximum(self.misfits(corrected(share), rates), _NOTHING))
+            return np.log(np.maximum(self.misfits(corrected(share), rates), _LEAST_MISFIT))
 
         least: Any = minimize_scalar(
             lambda share: float(left(share).sum()),
@@ -187,17 +187,17 @@ class _Driven:
     def best_log_lag(
         self, amplifier: Amplifier, likely: float, rates: Sequence[float] = _RATES
     ) -> float:
-        """The lag in s, of first order, with which the least is left, at the delay that suits it.
+        """Return the first-order lag in s with the least misfit, at the delay that suits it.
 
-        Of a filter either has a part of the other.
+        Both are sought together, since a filter looks like a mixture of lag and delay.
         """
-        # Slow to import, and few logs need it.
+        # Imported late: it is slow, and few logs need it.
         from scipy.optimize import minimize
 
         def left(lag_and_delay: FloatArray) -> float:
             lag, delay = lag_and_delay
             sums = self.misfits(replace(amplifier, log_lag=max(lag, 0.0)), rates, delay)
-            return float(np.log(np.maximum(sums, _NOTHING)).sum())
+            return float(np.log(np.maximum(sums, _LEAST_MISFIT)).sum())
 
         around = likely * np.array([[1.0, 0.0], [2.0, 0.0], [1.0, 0.5]])
         options = {"initial_simplex": around, "xatol": _FINE * likely, "fatol": 1e-6}
@@ -205,7 +205,7 @@ class _Driven:
         return max(float(found.x[0]), 0.0)
 
     def changes(self, of_two: Iterable[Amplifier]) -> dict[str, float]:
-        """Logarithms of the ratios of the coefficients behind two amplifiers."""
+        """Return logarithms of the ratios of the coefficients with two amplifiers."""
         one, other = (self.coefficients(amplifier, max(_RATES)) for amplifier in of_two)
         return {
             name: float(np.log(value / other[name]))
@@ -214,9 +214,9 @@ class _Driven:
         }
 
     def sharpened(self, amplifier: Amplifier) -> FloatArray:
-        """What is left at least, by filter, of an input that was low-passed into the log.
+        """Return the least misfit, by filter, if the log was low-passed.
 
-        Its edges are slow, and a limit makes those of a square wave as sharp as they were.
+        It is compared with a limit's, since a limit also sharpens the slow edges of a square wave.
         """
         lagging = (replace(amplifier, log_lag=lag) for lag in _LAGS)
         return np.min([self.misfits(each) for each in lagging], axis=0)
@@ -224,7 +224,7 @@ class _Driven:
     def misfits(
         self, amplifier: Amplifier, rates: Sequence[float] = _RATES, delay: float = 0.0
     ) -> FloatArray:
-        """Sums of squares that are left behind an amplifier, by filter, if it is late by s."""
+        """Return the residual sum of squares with an amplifier and a delay in s, by filter."""
         sums = []
         for rate in rates:
             row, values = self._fitted(amplifier, rate, delay)
@@ -233,14 +233,14 @@ class _Driven:
         return np.array(sums)
 
     def coefficients(self, amplifier: Amplifier, rate: float) -> dict[str, float]:
-        """What the balance says behind an amplifier."""
+        """Return the coefficients of the balance with an amplifier."""
         row, values = self._fitted(amplifier, rate)
         return dict(zip(row.coefficients, values.tolist(), strict=True))
 
     def _fitted(
         self, amplifier: Amplifier, rate: float, delay: float = 0.0
     ) -> tuple[RowFit, FloatArray]:
-        """The row, and least squares of it."""
+        """Return the row and its least-squares values."""
         samples = tuple(
             replace(own, inputs=np.column_stack((reached, own.inputs[:, 1:])))
             for own in self.data.samples
@@ -253,7 +253,7 @@ class _Driven:
 
 
 def _is_crossed(data: Data, amplifier: Amplifier) -> bool:
-    """Whether some recording has an input on both sides of the limit, if there is one."""
+    """Whether the input of some recording is on both sides of the limit; True without a limit."""
     if amplifier.limit is None:
         return True
     beyond = [np.mean(np.abs(own.inputs[:, 0]) > amplifier.limit) for own in data.samples]
@@ -261,16 +261,16 @@ def _is_crossed(data: Data, amplifier: Amplifier) -> bool:
 
 
 def _moves(data: Data, rate: float) -> NDArray[np.bool_]:
-    """Equations of a filter that hardly remembers that the motor was slow.
+    """Return whether the motor was hardly ever slow in the filter's memory, by equation.
 
-    While it sticks, its friction takes up whatever voltage acts, as a dead zone would.
+    While the motor sticks, friction balances the voltage, like a dead zone.
     """
     speeds = []
     for samples in data.samples:
         assert samples.velocities is not None
         speeds.append(np.abs(samples.velocities[:, -1]))
     slow = _SLOW * np.sqrt(np.mean(np.concatenate(speeds) ** 2))
-    # The response of the filter, a double pole, to an impulse, until nothing is left of it.
+    # Impulse response of the filter, a double pole.
     pole = np.exp(-rate * data.samples[0].sample_time)
     places = np.arange(np.ceil(_FORGOTTEN / (1.0 - pole)))
     response = (1.0 - pole) ** 2 * (places + 1.0) * pole**places

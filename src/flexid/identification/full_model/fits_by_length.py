@@ -1,8 +1,8 @@
-"""The full model's way from least squares to long segments, with the hold that suits the log.
+"""Fits of the full model from short to long segments, and choice of the hold.
 
-How an input runs between its samples, and how late it acts, look alike: what is held acts half a
-sample later, on the average, than what runs on. Over short segments one hold passes for another
-with another delay; the longest segments decide, and where these do not, the holds are tied.
+The hold of an input and its delay have similar effects: a held input acts on average half a sample
+later than an interpolated one. Over short segments one hold looks like another with another delay.
+The longest segments decide; if they do not, the holds are tied.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -35,39 +35,40 @@ from flexid.models.flexible_joint import HYSTERESIS_GRIP
 from flexid.recording.recording import Hold
 
 TURNING = 0.5
-"""Seconds of segments in which most springs turn round: these show best what a model lacks."""
+"""Length in s of segments in which most springs reverse; these show best what a model lacks."""
 
 FOLLOWED = 2
-"""Constants of a term that are followed up: those that promise most."""
+"""Number of constants of a term that are tried: the most promising ones."""
 
-# Mean square of a rigid joint's residuals over the sensors' noise: DFKI's pendulum has 2, a joint
-# that is stiff for its load 16, and both are right; EMPS without its pulses has 10⁹, and is not.
+# Largest mean square of a rigid joint's residuals over the sensors' noise. DFKI's pendulum has 2, a
+# joint that is stiff for its load 16, and both fits are right. EMPS without its pulses has 10⁹, and
+# its fit is wrong.
 _RIGID_EXCESS = 100.0
-_HARDLY_MORE = 1.5  # times what noise explains: the held-out end may bring it below that
-# Of the grip that suits the motion, to begin with.
+_HARDLY_MORE = 1.5  # times the excess that noise explains, which all data may still reach
+# Start values of the grip of hysteresis, over the value that suits the motion.
 _GRIPS = (4.0, 2.0, 1.0, 0.5, 0.25)
 _WORDS: dict[Hold, str] = {"zero": "held", "linear": "on straight lines", "cubic": "smooth"}
-_TIED = "the log does not distinguish the holds; of these, the one that needs the least delay"
+_TIED = "the log does not distinguish the holds; this one needs the least delay"
 
 
 @dataclass(frozen=True, eq=False)
 class FitsByLength:
-    """The full model without unusual terms, over segments of growing length."""
+    """Fits of the full model without unusual terms, over segments of growing length."""
 
-    found: tuple[Fitted, ...]  # from short segments to the longest that it follows
-    divisions: tuple[Segments, ...]  # all lengths
-    free_length: bool  # whether the length of the segments is to be chosen
-    holds: tuple[Hold, ...]  # behaviours of the input that there were to choose from
-    hold_reason: str  # why the input was taken to behave as it does
-    tied: tuple[Hold, ...] = ()  # other behaviours that the log cannot tell from this one
-    exact: bool = False  # whether an exact fit is asked for, whatever it leaves
+    found: tuple[Fitted, ...]  # fits from short segments to the longest that succeed
+    divisions: tuple[Segments, ...]  # segments of all lengths
+    free_length: bool  # whether the length of the segments is chosen
+    holds: tuple[Hold, ...]  # holds to choose from
+    hold_reason: str  # reason for the hold
+    tied: tuple[Hold, ...] = ()  # other holds that the log cannot distinguish from this one
+    exact: bool = False  # whether an exact fit is required
 
     def longer(self, first: Fitted, thresholds: Thresholds) -> list[Fitted]:
-        """Fits over segments that are longer than those of a first one, as far as they matter."""
+        """Return fits over longer segments than those of `first`."""
         return _longer(first, self.divisions, thresholds, exact=self.exact)
 
     def with_term(self, found: list[Fitted], thresholds: Thresholds) -> "FitsByLength":
-        """Fits with another term, with the hold that suits it best."""
+        """Return fits with another term, with the best hold."""
         least = len(found[0].problem.segments)
         divisions = [s for s in self.divisions if len(s) <= least]
         held = with_best_hold(found, divisions, self.holds, self.free_length, thresholds)
@@ -75,14 +76,14 @@ class FitsByLength:
 
 
 def may_stand(fitted: Fitted, thresholds: Thresholds) -> bool:
-    """Whether an exact fit may be reported, so that it is worth fitting to all data."""
+    """Whether an exact fit may be reported, so that it is fitted to all data."""
     explains = fitted.excess <= _HARDLY_MORE * thresholds.sensor_excess
     return explains or nearly_explains(fitted, thresholds) or bool(fitted.at_bound)
 
 
 def nearly_explains(fitted: Fitted, thresholds: Thresholds) -> bool:
-    """Whether what an exact fit leaves is too little to be a model error that misleads it."""
-    if fitted.structure.joint.kind == "rigid":  # which has no deflection to compare with
+    """Whether the residuals of an exact fit are too small for a harmful model error."""
+    if fitted.structure.joint.kind == "rigid":  # there is no deflection to compare with
         return fitted.excess <= _RIGID_EXCESS
     return fitted.unexplained <= thresholds.exact_share
 
@@ -90,9 +91,9 @@ def nearly_explains(fitted: Fitted, thresholds: Thresholds) -> bool:
 def _longer(
     first: Fitted, divisions: Sequence[Segments], thresholds: Thresholds, *, exact: bool
 ) -> list[Fitted]:
-    """Fits over longer segments, over which an error of the model leaves more.
+    """Return fits over longer segments.
 
-    Unless exact ones are asked for, there is none beyond one that cannot stand.
+    Unless `exact`, the series ends after a fit that leaves too much to be reported.
     """
 
     def leads_on(fitted: Fitted) -> bool:
@@ -113,7 +114,7 @@ def fit_full_model(
 ) -> FitsByLength:
     """Fit the full model over segments of growing length; see `first_fits`.
 
-    Where an exact fit is asked for, whatever it leaves, the best start's is taken at any rate.
+    If an exact fit is required, the best start's fit is taken even without convergence.
     """
     divisions = lengths(data, *durations)
     progress("the full model")
@@ -136,7 +137,7 @@ def fit_with_hysteresis(
     progress: Progress,
     thresholds: Thresholds = THRESHOLDS,
 ) -> FitsByLength | None:
-    """Fit a joint with memory where one without leaves more than noise; None if it hardly helps."""
+    """Fit a joint with hysteresis if the fit without leaves more than noise; None if no help."""
     full = by_length.found[-1].structure
     joint = full.joint
     if not joint.remembered:
@@ -144,17 +145,17 @@ def fit_with_hysteresis(
     structure = replace(full, absent=full.absent - joint.remembered)
     structure = structure.with_hold(before.structure.timing.hold)
     progress("hysteresis of the spring")
-    ways = [
+    starts = [
         {**before.by_name, HYSTERESIS_GRIP: share * joint.first[HYSTERESIS_GRIP]}
         for share in _GRIPS
     ]
     some = sampled(before)
-    promising = [(promised(some, structure, way), way) for way in ways]
+    promising = [(promised(some, structure, start), start) for start in starts]
     floor = thresholds.noise_floor(by_length.found[0].excess)
-    for promise, way in sorted(promising, key=itemgetter(0), reverse=True)[:FOLLOWED]:
+    for promise, start in sorted(promising, key=itemgetter(0), reverse=True)[:FOLLOWED]:
         if promise < thresholds.shape_promise:
             break
-        first = explained_by(before, structure, way, floor, thresholds, _only_brakes)
+        first = explained_by(before, structure, start, floor, thresholds, _only_brakes)
         if first is not None:
             found = [first, *by_length.longer(first, thresholds)]
             return by_length.with_term(found, thresholds)
@@ -162,15 +163,15 @@ def fit_with_hysteresis(
 
 
 def _only_brakes(fitted: Fitted) -> bool:
-    """Whether no friction of a spring with memory drives: that is none, and stands for a gap."""
+    """Whether no friction of a spring with hysteresis is negative; that would mean a gap."""
     remembered = fitted.structure.joint.remembered
     return all(fitted.by_name.get(name, 0.0) >= 0.0 for name in remembered)
 
 
 def turning(found: Sequence[Fitted], thresholds: Thresholds) -> Fitted | None:
-    """The fit whose residuals show best what a model lacks; None where none leaves more than noise.
+    """Return the fit whose residuals show best what a model lacks; None if all are noise.
 
-    Over the shortest segments anything is a curve; over the longest ones no start is good.
+    Over the shortest segments any term fits; over the longest ones no start is good enough.
     """
     left = [fitted for fitted in found if fitted.excess > thresholds.sensor_excess]
     longer = (fitted for fitted in left if fitted.duration >= TURNING)
@@ -178,9 +179,9 @@ def turning(found: Sequence[Fitted], thresholds: Thresholds) -> Fitted | None:
 
 
 def sampled(fitted: Fitted) -> Fitted:
-    """A fit as it is over some of its segments, spread evenly, where a log has very many samples.
+    """Return a fit restricted to evenly spread segments, if a log has very many samples.
 
-    What the whole log lacks is sought there, and has to explain all of it then.
+    A missing term is sought there first, and must then explain the whole log.
     """
     segments = fitted.problem.segments
     some = in_part(segments)
@@ -197,47 +198,47 @@ def sampled(fitted: Fitted) -> Fitted:
 def explained_by(
     before: Fitted,
     structure: Structure,
-    way: Mapping[str, float],
+    start: Mapping[str, float],
     floor: float,
     thresholds: Thresholds,
-    stands: Callable[[Fitted], bool],
+    accepted: Callable[[Fitted], bool],
 ) -> Fitted | None:
-    """A wider fit that stands, if a few steps take most of what one without leaves beyond noise.
+    """Return a wider fit if a few steps explain most of the residuals beyond noise, or None.
 
-    Of a log with very many samples it has to do so in part of it first.
+    The fit must be `accepted`. For a log with very many samples this is tested on a part first.
     """
     some = sampled(before)
     found = None
     for fitted in (before,) if some is before else (some, before):
-        found = led_from(fitted, structure, way, steps=EXPLORING)
+        found = led_from(fitted, structure, start, steps=EXPLORING)
         wanted = thresholds.shape_share * (fitted.excess - floor)
         if found is None or fitted.excess - found.excess < wanted:
             return None
-        # In steps that suit where it is now it may diverge.
+        # With integration steps for the new values the motion may diverge.
         found = led_from(found, found.structure, data=fitted.data, steps=EXPLORING)
-        if found is None or not stands(found):
+        if found is None or not accepted(found):
             return None
-        structure, way = found.structure, found.by_name
+        structure, start = found.structure, found.by_name
     return found
 
 
 def explains(fitted: Fitted, thresholds: Thresholds) -> bool:
-    """Whether nothing is left to explain over segments in which most springs turn round."""
+    """Whether residuals are noise over segments in which most springs reverse."""
     return fitted.excess <= thresholds.sensor_excess and fitted.duration >= TURNING
 
 
 def leaves_more(fitted: Fitted, chosen: Sequence[Fitted], thresholds: Thresholds) -> bool:
-    """Whether a fit leaves more than noise, and more than others over the same segments."""
+    """Whether a fit leaves more than noise, and more than another over the same segments."""
     if fitted.excess <= thresholds.sensor_excess:
         return False
     length = len(fitted.problem.segments)
     return any(f.excess < fitted.excess for f in chosen if len(f.problem.segments) == length)
 
 
-def promised(fitted: Fitted, structure: Structure, way: Mapping[str, float]) -> float:
-    """Share of the residuals beyond noise that the first step with more terms promises to take."""
+def promised(fitted: Fitted, structure: Structure, start: Mapping[str, float]) -> float:
+    """Return the share of the residuals beyond noise that a first step with more terms removes."""
     states = fitted.minimum.point.initial_states
-    problem, point = motion_at(structure, fitted.data, fitted.problem.segments, way, states)
+    problem, point = motion_at(structure, fitted.data, fitted.problem.segments, start, states)
     equations = problem.equations(point)
     beyond = equations.cost - problem.degrees_of_freedom
     return problem.solve(equations).decrement / beyond if np.isfinite(beyond) else 0.0
@@ -250,12 +251,12 @@ def with_best_hold(
     free_length: bool,
     thresholds: Thresholds,
 ) -> FitsByLength:
-    """Fits with the hold that suits the log best, over the same segments."""
+    """Return fits with the best hold, over the same segments."""
     if len(holds) == 1:
         refined = with_steps_refined(found)
         return FitsByLength(refined, tuple(divisions), free_length, tuple(holds), "as given")
     best, reason, tied = best_hold(found[-1], holds, thresholds)
-    # A model that explains the log is best over its longest segments; the others do not matter.
+    # If a model explains the log, only its longest segments matter.
     explained = best.excess <= thresholds.sensor_excess
     found = [best] if explained and best is not found[-1] else ending_with(best, found, divisions)
     refined = with_steps_refined(found)
@@ -263,7 +264,7 @@ def with_best_hold(
 
 
 def held_otherwise(fitted: Fitted, hold: Hold) -> Fitted | None:
-    """The same structure with another hold, from where a fit ended; None if there is none."""
+    """Fit the structure with another hold, from a fit's values; None on failure or equal hold."""
     structure = fitted.ended
     before = structure.timing.hold
     if hold == before:
@@ -273,14 +274,14 @@ def held_otherwise(fitted: Fitted, hold: Hold) -> Fitted | None:
     if INPUT in start:
         start = {**start, INPUT: start[INPUT] + half * ((before == "zero") - (hold == "zero"))}
     found = led_from(fitted, structure.with_hold(hold), start)
-    # In as short steps as the fit, if it took any: their error would pass for a worse hold.
+    # Use the fit's integration steps: a different step error would look like a worse hold.
     if found is None or fitted.data.refinement == 1:
         return found
     return fit_like(found.structure, found) or found
 
 
 def ending_with(best: Fitted, found: list[Fitted], divisions: Sequence[Segments]) -> list[Fitted]:
-    """Fits over the same segments as others, with the structure of a fit to the last of them."""
+    """Return fits over the segments of `found`, with the structure of `best`."""
     if best is found[-1]:
         return found
     states = found[0].minimum.point.initial_states
@@ -296,45 +297,44 @@ def ending_with(best: Fitted, found: list[Fitted], divisions: Sequence[Segments]
 def best_hold(
     last: Fitted, holds: Sequence[Hold], thresholds: Thresholds
 ) -> tuple[Fitted, str, tuple[Hold, ...]]:
-    """The fit whose hold explains the log best; of those that are alike, that of least delay.
+    """Return the fit with the best hold; of equally good holds, the one with the least delay.
 
-    With the reason why it is, and the holds that the log cannot tell from it.
+    Also returns the reason, and the holds that the log cannot distinguish from it.
     """
     tried = side_by_side(lambda hold: held_otherwise(last, hold), holds)
     others = [fitted for fitted in tried if fitted is not None]
-    # One whose steps did not end is no rival of one whose steps did.
+    # A fit that did not converge does not compete with one that did.
     found = [last, *(other for other in others if other.converged or not last.converged)]
     misfits = _misfits(found)
     order = np.argsort(misfits).tolist()
     ordered, falls = [found[i] for i in order], (misfits - misfits.min())[order].tolist()
     alike = [f for f, fall in zip(ordered, falls, strict=True) if fall <= thresholds.hold_fall]
     if len(alike) > 1:
-        # Where no hold explains the log, which of them fails like the others says nothing.
+        # If no hold explains the log, small differences mean nothing.
         stays = last in alike and ordered[0].excess > thresholds.sensor_excess
         best = last if stays else min(alike, key=lambda fitted: abs(fitted.delays[INPUT]))
         tied: tuple[Hold, ...] = tuple(f.structure.timing.hold for f in alike if f is not best)
         return best, _TIED, tied
     best = ordered[0]
-    # Nothing is decided against one whose steps did not end: leaner, they may.
+    # A hold whose fit did not converge is not excluded: a leaner fit may converge.
     unsure = tuple(f.structure.timing.hold for f in ordered[1:] if not f.converged)
     words = _WORDS[best.structure.timing.hold]
     if len(ordered) == 1:
-        return best, f"{words}; otherwise the model does not follow", ()
+        return best, f"{words}; the fit fails with other holds", ()
     fall = (ordered[1].minimum.equations.cost - best.minimum.equations.cost) / residual_variance(
         found
     )
     if fall <= thresholds.hold_fall:
-        return best, f"{words}; otherwise a delay would be just half a sample by chance", unsure
-    less = f"the residuals' weighted sum of squares is {fall:.3g} less than otherwise"
+        return best, f"{words}; with other holds the delay would be half a sample by chance", unsure
+    less = f"the residuals' weighted sum of squares is {fall:.3g} less than with other holds"
     return best, f"{words}, {less}", unsure
 
 
 def _misfits(found: Sequence[Fitted]) -> FloatArray:
-    """Twice the negative logarithm of each hold's probability, up to a constant.
+    """Return -2 log probability of each hold, up to a constant.
 
-    A delay that is none is one that controllers have; one that is there might have been any up to
-    the margin of the data, and that it came out at just half a sample is a coincidence to pay for
-    (Bayes' factor of a uniform prior).
+    A delay of zero is common in controllers. Any other delay has a uniform prior up to the margin
+    of the data, so a delay of just half a sample is an unlikely coincidence (Bayes factor).
     """
     scale = residual_variance(found)
     misfits = np.array([fitted.minimum.equations.cost for fitted in found]) / scale
@@ -352,16 +352,16 @@ def _misfits(found: Sequence[Fitted]) -> FloatArray:
 
 
 def residual_variance(found: Sequence[Fitted]) -> float:
-    """Variance of the best fit's residuals over the sensors', as it acts on the input's delay.
+    """Return the variance of the best fit's residuals over the sensors' noise, with correlation.
 
-    An encoder's steps under a slow motion are correlated for many samples; their sum of squares
-    falls by chance as much as if there were fewer of them.
+    An encoder's steps under a slow motion are correlated over many samples. By chance their sum of
+    squares falls by as much as that of fewer independent samples.
     """
     return max(1.0, min(max(fitted.excess, _correlated(fitted)) for fitted in found))
 
 
 def _correlated(fitted: Fitted) -> float:
-    """Variance of the input's delay over what white noise of the sensors would make it."""
+    """Return the variance of the input's delay over its value for white sensor noise."""
     if INPUT not in fitted.names:
         return 1.0
     place = fitted.names.index(INPUT)
@@ -370,10 +370,10 @@ def _correlated(fitted: Fitted) -> float:
 
 
 def hold_covariance(reported: Fitted, tied: Sequence[Hold]) -> FloatArray:
-    """Covariance, shape (k, k), of what was reported, from holds that the log cannot tell apart."""
+    """Return the covariance, shape (k, k), from holds that the log cannot distinguish."""
     added = np.zeros((len(reported.names), len(reported.names)))
     found = [other for hold in tied if (other := held_otherwise(reported, hold)) is not None]
-    # In as short steps as what is reported, or their error would pass for a doubt.
+    # Use the reported fit's integration steps: a different step error would count as a doubt.
     others = [fit_like(rough.structure, rough) or rough for rough in found]
     misfits = _misfits((reported, *others))
     weights = np.exp(-0.5 * (misfits - misfits.min()))

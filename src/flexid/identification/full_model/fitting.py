@@ -1,7 +1,7 @@
-"""How a model of a log is fitted: from short segments to long ones.
+"""Fits of a model to a log over segments of growing length.
 
-Over short segments a fit finds its way from least squares; each longer length starts where the one
-before it ended, with its states.
+The fit over short segments starts from least squares. Each longer fit starts from the values and
+states of the one before it.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -30,54 +30,54 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import POSITIVE
 
 SHORTEST = 0.1
-"""Length in s of the segments that a fit begins with: any start is good enough for these."""
+"""Length in s of the first segments of a fit, over which it converges from a rough start."""
 
 LONGEST = 10.0
-"""Length in s beyond which segments hold hardly more information."""
+"""Length in s of the longest segments; longer ones have hardly more information."""
 
 _CHANCE = 3.0  # standard deviations of a sum of squares
-# Standard deviations. Where two slow sines seen by coarse encoders left three to seven, a minimum
-# with a motor's inertia 40 % off explained the log as well.
+# Least value of inertias and stiffness in standard deviations. With three to seven, on two slow
+# sines and coarse encoders, a minimum with a motor inertia 40 % off explained the log as well.
 _KNOWN = 20.0
-_ENOUGH = 10_000  # samples, in which what explains most of a log shows
+_ENOUGH = 10_000  # samples that suffice for a trial
 
 
 @dataclass(frozen=True)
 class Steps:
-    """How a fit takes its steps, and what ends them."""
+    """Options of the Gauss-Newton steps and of the integration."""
 
-    tolerance: float = ROUGH  # standard deviations, that the last step is shorter than
-    insist: bool = True  # on convergence
-    iterations: int = ITERATIONS  # at most
-    enough: float = 0.0  # variance of the residuals, up to which convergence is not insisted on
-    promised: float = np.inf  # the same that the first step has to promise
-    least_gain: float = 0.0  # of the sum of squares, with less of which steps end
-    coarser: float = 1.0  # steps of integration over the usual ones
-    most_substeps: float = np.inf  # of these per sample
+    tolerance: float = ROUGH  # largest length of the last step in standard deviations
+    insist: bool = True  # whether to raise without convergence
+    iterations: int = ITERATIONS  # largest number of steps
+    enough: float = 0.0  # variance of the residuals up to which convergence is not required
+    promised: float = np.inf  # largest variance predicted by the first step, to go on
+    least_gain: float = 0.0  # relative fall of the sum of squares below which steps end
+    coarser: float = 1.0  # number of integration steps over the usual number
+    most_substeps: float = np.inf  # largest number of integration steps per sample
 
     def taken_by(self, problem: SegmentedMotion) -> SegmentedMotion:
-        """A motion in steps of integration like that."""
+        """Return the motion with these integration steps."""
         substeps = min(np.ceil(self.coarser * problem.substeps), self.most_substeps)
         return replace(problem, substeps=int(substeps))
 
 
 USUAL = Steps()
-"""Steps that insist on convergence, as short as the motion wants them."""
+"""Steps that require convergence, with the usual integration."""
 
 ON_THE_WAY = Steps(enough=NEARLY_NOISE)
-"""Steps of a fit that only leads on."""
+"""Steps of an intermediate fit."""
 
 FIRST_STEPS = replace(ON_THE_WAY, iterations=8)
-"""Steps of a fit from afar; those that halve the sum of squares are not counted."""
+"""Steps of a fit from a rough start; those that halve the sum of squares are not counted."""
 
 EXPLORING = replace(FIRST_STEPS, insist=False, least_gain=0.01)
-"""Steps of a fit that shows whether a term is worth following up."""
+"""Steps of a fit that shows whether a term is worth a full fit."""
 
 _AT_ONCE = Steps(0.1, iterations=5, promised=NEARLY_NOISE)
 
 
 def lengths(data: Data, longest: float = LONGEST, shortest: float = SHORTEST) -> list[Segments]:
-    """The data cut into segments of growing length, each of two of the length before."""
+    """Return divisions into segments of growing length, each twice as long as the one before."""
     first = divide(data.samples, min(longest, data.duration), margin=data.margin)
     found = [first]
     while True:
@@ -88,7 +88,7 @@ def lengths(data: Data, longest: float = LONGEST, shortest: float = SHORTEST) ->
 
 
 def in_part(segments: Segments) -> Segments:
-    """Some of very many segments, spread evenly: what leads nowhere there does so in no more."""
+    """Return evenly spread segments with enough samples for a trial, or all if they are few."""
     count = max(1, int(_ENOUGH / segments.lengths.mean()))
     return segments if len(segments) < 2 * count else segments.some(count)
 
@@ -102,7 +102,7 @@ def fit_by_length(
     steps: Steps = ON_THE_WAY,
     leads_on: Callable[[Fitted], bool] = lambda _: True,
 ) -> list[Fitted]:
-    """Fit over the first of some divisions, and over longer segments from there."""
+    """Fit over the first division, and from there over the longer ones."""
     first = fit_segments(structure, data, divisions[0], start, states, steps)
     return [first, *longer_fits(first, divisions[1:], leads_on)]
 
@@ -112,12 +112,12 @@ def longer_fits(
     divisions: Sequence[Segments],
     leads_on: Callable[[Fitted], bool] = lambda _: True,
 ) -> list[Fitted]:
-    """Fits from one on, to those divisions whose segments are longer than its own.
+    """Return fits over those divisions whose segments are longer than those of `first`.
 
-    What explains the log over the longest at once is all that is needed. Otherwise each length
-    begins where the one before it ended. They end at the length at which the fit fails, and with
-    one that does not lead on. One whose steps do not end is kept where its residuals are nearly
-    those of the noise.
+    If a fit over the longest segments explains the log at once, it is the only one. Otherwise each
+    length starts from the fit before it. The series ends at the first length at which the fit
+    fails, or after a fit for which `leads_on` is false. A fit that did not converge is kept if its
+    residuals are nearly noise.
     """
     longer = [each for each in divisions if len(each) < len(first.problem.segments)]
     if len(longer) > 1 and (whole := _explained_over(longer[-1], first)) is not None:
@@ -135,10 +135,10 @@ def longer_fits(
 
 
 def _explained_over(longest: Segments, short: Fitted) -> Fitted | None:
-    """A fit over the longest segments from one over short ones, if it leaves no more than they do.
+    """Return a fit over the longest segments if it leaves no more than the short ones, or None.
 
-    Where these know inertias and stiffness, no other minimum explains the log as well, so that
-    nothing is lost by the way there. Where they hardly do, several may.
+    The short fit must determine inertias and stiffness. Otherwise several minima may explain the
+    log, and the lengths between are needed.
     """
     if short.excess > THRESHOLDS.sensor_excess or not _is_known(short):
         return None
@@ -150,16 +150,16 @@ def _explained_over(longest: Segments, short: Fitted) -> Fitted | None:
 
 
 def _is_known(fitted: Fitted) -> bool:
-    """Whether a fit knows inertias and stiffness."""
+    """Whether a fit determines inertias and stiffness."""
     core = np.array([name in POSITIVE for name in fitted.names], dtype=np.bool_)
     known = np.abs(fitted.values) > _KNOWN * fitted.unit_deviations
     return bool(np.all(known[core] & ~fitted.minimum.reduced.free[core]))
 
 
 def beyond_noise(fitted: Fitted, floor: float, shortest: Fitted) -> float:
-    """Weighted sum of squares beyond what noise explains, and beyond chance."""
+    """Return the weighted sum of squares beyond noise and chance."""
     freedom = fitted.problem.degrees_of_freedom
-    # Longer segments leave the noise that shorter ones took for initial states.
+    # Shorter segments fit part of the noise with their many initial states.
     states = shortest.minimum.point.initial_states.size
     return freedom * (fitted.excess - floor) - _CHANCE * float(np.sqrt(2.0 * states))
 
@@ -172,7 +172,7 @@ def led_from(
     data: Data | None = None,
     steps: Steps = ON_THE_WAY,
 ) -> Fitted | None:
-    """Another structure over a fit's segments, from its states and values; None if it fails."""
+    """Fit another structure over a fit's segments, from its states and values; None on failure."""
     states, segments = fitted.minimum.point.initial_states, fitted.problem.segments
     begun = fitted.by_name if start is None else start
     with suppress(ConvergenceError):
@@ -181,7 +181,7 @@ def led_from(
 
 
 def over_longer(fitted: Fitted[M], segments: Segments, steps: Steps) -> Fitted[M]:
-    """The same fit over longer segments, from where it ended."""
+    """Fit the same structure over longer segments, from the values and states of `fitted`."""
     before = fitted.minimum.point.initial_states
     states = before[:: len(before) // len(segments)]
     start = fitted.by_name
@@ -189,17 +189,17 @@ def over_longer(fitted: Fitted[M], segments: Segments, steps: Steps) -> Fitted[M
 
 
 def with_steps_refined(found: Sequence[Fitted]) -> tuple[Fitted, ...]:
-    """The same fits, whose data want as short steps as the last of them shows."""
+    """Return the fits with the refinement of integration steps that the last of them needs."""
     last = found[-1]
     finer = refinement(last.problem, last.minimum)
     return tuple(replace(fit, data=replace(fit.data, refinement=finer)) for fit in found)
 
 
 def in_own_steps(fitted: Fitted) -> Fitted:
-    """A fit in steps as short as it wants itself; the same fit where those that it took are.
+    """Fit again with as short integration steps as the fit needs; unchanged if they are so.
 
-    It is asked once, and takes `MOST` times as many steps as usual at most. Where the shorter ones
-    lead nowhere, it stays as it was.
+    This is done once, with at most `MOST` times the usual number of steps. If the new fit fails,
+    the old one is returned.
     """
     data = fitted.data
     finer = min(data.refinement * refinement(fitted.problem, fitted.minimum), MOST)
@@ -212,13 +212,13 @@ def in_own_steps(fitted: Fitted) -> Fitted:
 def fit_to(
     structure: Structure, data: Data, start: Mapping[str, float], duration: float
 ) -> tuple[Fitted, list[Fitted]]:
-    """Fit to other data over segments of a length in s, from values that are nearly right.
+    """Fit to other data over segments of a length in s, from good start values.
 
-    Returns the fit over segments of that length, in steps that suit these data, and rough fits
-    over others, from the shortest up to four times as long.
+    Returns the fit over segments of that length, with refined integration steps, and rough fits
+    over other lengths, from the shortest up to four times as long.
     """
-    divisions = lengths(data, duration)[::-2][::-1]  # what is nearly right needs no small steps
-    # Short segments know little of a shape.
+    divisions = lengths(data, duration)[::-2][::-1]  # a good start needs only every second length
+    # Short segments hardly determine constants of shapes.
     shapes = {name: start.get(name, value) for name, value in structure.joint.first.items()}
     held = replace(structure, fixed={**shapes, **structure.fixed})
     found = fit_by_length(held, data, start, divisions)
@@ -226,16 +226,16 @@ def fit_to(
     if len(last.problem.segments) > len(divisions[-1]):
         raise ConvergenceError(
             "prediction error",
-            "what fits short segments does not lead on to longer ones: shorten the segments",
+            f"the fit fails over segments of {duration:.3g} s: shorten the segments",
         )
     states = last.minimum.point.initial_states
     nearly = {**shapes, **last.by_name}
     fitted = in_own_steps(refit(structure, data, nearly, divisions[-1], FINE, states))
-    return fitted, [*found[:-1], fitted, *_beyond(fitted)]
+    return fitted, [*found[:-1], fitted, *_over_doubled_lengths(fitted)]
 
 
 def expanded(structure: Structure[M], fitted: Fitted[M]) -> Fitted[M]:
-    """A wider structure about the values of a fit, not fitted itself: its quadratic form there."""
+    """Return a wider structure expanded about the values of a fit, without fitting it."""
     before, timing = fitted.problem, structure.timing
     unknowns = structure.unknowns(fitted.data.groups)
     problem = replace(
@@ -255,8 +255,8 @@ def expanded(structure: Structure[M], fitted: Fitted[M]) -> Fitted[M]:
     return Fitted(structure, fitted.data, problem, minimum, fitted.duration)
 
 
-def _beyond(fitted: Fitted) -> list[Fitted]:
-    """The same over segments of twice and four times the length, as far as these can be had."""
+def _over_doubled_lengths(fitted: Fitted) -> list[Fitted]:
+    """Return fits over segments of twice and four times the length, if the data allow them."""
     divisions = [fitted.problem.segments]
     while len(divisions) < 3 and (longer := divisions[-1].merged()) is not None:
         divisions.append(longer)
@@ -271,15 +271,15 @@ def refit(
     tolerance: float,
     states: FloatArray | None,
 ) -> Fitted:
-    """Fit over given segments, within bounds, from values and states that are nearly right."""
+    """Fit over given segments, within bounds, from good start values and states."""
 
     def fit(own: Structure) -> Fitted:
         found = fit_segments(own, data, segments, start, states, Steps(tolerance))
         if not found.has_partners:
             raise ConvergenceError(
                 "prediction error",
-                f"a channel comes out more than {data.margin:g} s late, where it has no partners: "
-                f"give its delay",
+                f"the delay of a channel comes out above {data.margin:g} s, beyond the data's "
+                f"margin: give its delay",
             )
         return found
 
@@ -287,9 +287,9 @@ def refit(
 
 
 def within_bounds(structure: Structure, data: Data, fit: Callable[[Structure], Fitted]) -> Fitted:
-    """A fit that keeps to the bounds of a structure; what ends at one is fixed there.
+    """Fit within the bounds of a structure; coefficients that end at a bound are fixed there.
 
-    A longer or leaner fit may leave the bound again, so the structure does not keep it there.
+    The returned structure does not fix them, since a longer or leaner fit may leave the bound.
     """
 
     def fit_with(unknowns: Unknowns) -> Fitted:
@@ -305,9 +305,9 @@ def within_bounds(structure: Structure, data: Data, fit: Callable[[Structure], F
 
 
 def fit_like(structure: Structure, fitted: Fitted, tolerance: float = FINE) -> Fitted | None:
-    """Another structure over the same segments, from where a fit ended; None if it fails.
+    """Fit another structure over the same segments, from a fit's values; None on failure.
 
-    Of a leaner structure the rest follows what is gone, if there is no way without.
+    For a leaner structure there is a second start: the other values follow the removed ones.
     """
     segments, states = fitted.problem.segments, fitted.minimum.point.initial_states
     for start in chain((fitted.by_name,), with_some_zero(structure, fitted)):
@@ -319,7 +319,7 @@ def fit_like(structure: Structure, fitted: Fitted, tolerance: float = FINE) -> F
 
 
 def with_some_zero(structure: Structure[M], fitted: Fitted[M]) -> Iterator[dict[str, float]]:
-    """Values of a fit of which some become zero, as the rest follows along its quadratic form."""
+    """Yield values with removed ones at zero, the rest following along the quadratic form."""
     sought = {*structure.unknowns(fitted.data.groups).names, *structure.timing.sought}
     gone = np.array([name not in sought for name in fitted.names])
     if not gone.any() or gone.all():
@@ -337,10 +337,10 @@ def motion_at(
     states: FloatArray | None,
     refinement: int = 1,
 ) -> tuple[SegmentedMotion, Point]:
-    """A structure's motion over segments, and where to begin: from values and states.
+    """Return a structure's motion over segments, and the start point from values and states.
 
-    Without states, of all segments, it begins near the measured positions. The refinement is how
-    many times as many steps as usual it takes.
+    Without states for all segments, it starts near the measured positions. `refinement` multiplies
+    the number of integration steps.
     """
     timing = replace(structure.timing, relative_to=data.relative_to)
     problem = structure.joint.motion(segments, timing, structure.unknowns(data.groups))

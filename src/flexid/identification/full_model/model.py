@@ -1,7 +1,6 @@
-"""The model of a log: what is fitted, to what, and what a fit of it is.
+"""Types of a fit: the data, the structure that is fitted, and the fitted result.
 
-What is sought are the coefficients of the joint together with what describes the recording: delays
-of its channels.
+The unknowns are the coefficients of the joint and the delays of the recording's channels.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -29,39 +28,39 @@ LINK = "link_delay"
 """Name of the delay of the link's position."""
 
 ROUGH, FINE = 1.0, 1e-2
-"""Length of a step, in standard deviations, that ends an iteration: on the way, and at its end."""
+"""Length of the last step, in standard deviations, of an intermediate and of a final fit."""
 
 _MARGIN = 0.03  # s
 _LARGEST_MARGIN = 0.05  # of a recording
-_FINEST = 1e-9  # noise over the largest position that still counts as some
+_FINEST = 1e-9  # least noise over the largest position
 
 
 M = TypeVar("M", bound=Joint | ElasticArm, default=Joint)
-"""A drive with all its terms."""
+"""Model with all its terms: a joint or an arm."""
 
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """What a model is fitted to."""
+    """Data that a model is fitted to."""
 
-    samples: tuple[Samples, ...]  # recordings; of a joint, with velocities
-    groups: tuple[int, ...]  # the log of each
+    samples: tuple[Samples, ...]  # recordings; for a joint with velocities
+    groups: tuple[int, ...]  # index of each recording's log
     noise: FloatArray  # (n_rows,): standard deviation of each position's noise
-    # rows whose position was measured relative to another row's, or to an input
+    # rows with a position that was measured relative to another row or an input, and the latter
     relative_to: Mapping[str, str] = field(default_factory=dict)
-    refinement: int = 1  # how many times as many integration steps as usual a fit takes at its end
-    # s at both ends of a recording, where late channels lack partners
+    refinement: int = 1  # factor of the number of integration steps in a final fit
+    # largest delay in s; delayed channels lack data that long at both ends of a recording
     largest_delay: float = _MARGIN
-    recordings: tuple[Recording, ...] = ()  # of a joint, as they were read
+    recordings: tuple[Recording, ...] = ()  # for a joint: recordings as read
 
     @cached_property
     def scales_apart(self) -> float:
-        """Share by which the scales of two encoders contradict each other."""
+        """Relative difference between the scales of two encoders."""
         return max((abs(scales_apart(recording)[0]) for recording in self.recordings), default=0.0)
 
     @cached_property
     def margin(self) -> float:
-        """Seconds at both ends of each recording that belong to no segment."""
+        """Time in s at both ends of each recording that is in no segment."""
         return min(self.largest_delay, _LARGEST_MARGIN * self.shortest)
 
     @cached_property
@@ -75,18 +74,18 @@ class Data:
         return sum(len(recording) * recording.sample_time for recording in self.samples)
 
     def periods(self, resonances: FloatArray) -> FloatArray:
-        """Period in s of each angular frequency in rad/s, within what can be predicted."""
+        """Return periods in s of frequencies in rad/s, from 5 samples to a tenth of the data."""
         least, most = 5.0 * self.samples[0].sample_time, 0.1 * self.duration
         return np.clip(2.0 * np.pi / np.maximum(resonances, np.finfo(float).tiny), least, most)
 
     def halves(self) -> Iterator["Data"]:
-        """The first and the second half of every recording."""
+        """Yield the data with the first halves of all recordings, and with the second halves."""
         cut = [(own, len(own) // 2) for own in self.samples]
         yield replace(self, samples=tuple(own.window(0, middle) for own, middle in cut))
         yield replace(self, samples=tuple(own.window(middle, len(own)) for own, middle in cut))
 
     def with_noise(self, seed: int) -> "Data":
-        """The same with noise like that of the sensors added to the positions once more."""
+        """Return the data with as much noise as the sensors' added to the positions."""
         draw = np.random.default_rng(seed)
         noisier = []
         for recording in self.samples:
@@ -102,7 +101,7 @@ class Data:
 def data_of(
     joint: Joint, recordings: Sequence[Recording], groups: Sequence[int], given_delay: float = 0.0
 ) -> Data:
-    """Recordings with velocities as a joint's fits take them; `given_delay` in s, of a channel."""
+    """Return recordings with velocities as `Data`; `given_delay` is the largest given one in s."""
     samples = tuple(joint.samples(recording) for recording in recordings)
     relative = {}
     if joint.kind != "rigid" and recordings[0].link_from_deflection:
@@ -120,18 +119,18 @@ def data_of(
 
 
 def encoder_noise(samples: Sequence[Samples]) -> FloatArray:
-    """Standard deviation of each position's noise, shape (n_rows,)."""
+    """Return the standard deviation of each position's noise, shape (n_rows,)."""
     longest = max(samples, key=len)
     largest = max(float(np.abs(own.positions).max()) for own in samples)
     noise = np.array([position_noise(position) for position in longest.positions.T])
-    noise = np.where(np.ptp(longest.positions, axis=0) > 0.0, noise, noise.max())  # of clamped ones
+    noise = np.where(np.ptp(longest.positions, axis=0) > 0.0, noise, noise.max())  # for clamped
     return np.maximum(noise, _FINEST * largest)
 
 
 def sensor_noise(data: Data, deflections: Iterable[int]) -> FloatArray:
-    """Noise of each sensor, shape (n_rows,); its own of each link's that shows a deflection.
+    """Return the noise of each sensor, shape (n_rows,).
 
-    The row after such a link is its motor's.
+    `deflections` are rows of links with a deflection sensor; the next row is their motor's.
     """
     noise, positions = data.noise.copy(), max(data.samples, key=len).positions
     for link in deflections:
@@ -142,16 +141,16 @@ def sensor_noise(data: Data, deflections: Iterable[int]) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Structure(Generic[M]):
-    """A model with the choices made about it."""
+    """Model with its terms, delays, given values and bounds."""
 
     joint: M  # with all its terms
-    absent: frozenset[str]  # coefficients that are zero: terms that are off, or found to be
+    absent: frozenset[str]  # coefficients that are zero, of terms that are off
     timing: Timing  # hold of the input, and the delays
-    fixed: Mapping[str, float] = field(default_factory=dict)  # coefficients whose value is given
-    bounds: Bounds = field(default_factory=dict)  # ends of coefficients
+    fixed: Mapping[str, float] = field(default_factory=dict)  # given coefficients
+    bounds: Bounds = field(default_factory=dict)  # bounds of coefficients
 
     def unknowns(self, groups: Sequence[int]) -> Unknowns:
-        """What is sought of the coefficients."""
+        """Return the unknown coefficients."""
         return self.joint.unknowns(self.absent, self.fixed, groups)
 
     @property
@@ -165,16 +164,16 @@ class Structure(Generic[M]):
         )
 
     def with_hold(self, hold: Hold) -> "Structure[M]":
-        """The same with an input that behaves otherwise between samples."""
+        """Return the structure with another hold of the input."""
         return replace(self, timing=replace(self.timing, hold=hold))
 
     def beginning_at(self, values: Mapping[str, float]) -> "Structure[M]":
-        """The same whose nonlinear coefficients begin where a fit of it ended."""
+        """Return the structure with start values for its nonlinear coefficients."""
         joint = self.joint.with_widths(values)
         return self if joint is self.joint else replace(self, joint=joint)
 
     def without(self, names: Iterable[str]) -> "Structure[M]":
-        """The same with some coefficients and delays zero, and what follows from them."""
+        """Return the structure without some coefficients and delays, and those tied to them."""
         gone = {name.partition("[")[0] for name in names}
         gone |= {c for c, (source, _, _) in self.joint.ties.items() if source in gone}
         gone |= {own for c, own in self.joint.nonlinear.items() if c in gone}
@@ -189,39 +188,39 @@ class Structure(Generic[M]):
 
 @dataclass(frozen=True, eq=False)
 class Fitted(Generic[M]):
-    """A structure fitted to data over segments of one length."""
+    """Structure fitted to data over segments of one length."""
 
-    structure: Structure[M]  # what was fitted
-    data: Data  # to what
-    problem: SegmentedMotion  # the motion that was fitted
-    minimum: Minimum  # where it ended
-    duration: float  # wanted length of a segment in s
-    # what ended at a bound, and was fixed there
+    structure: Structure[M]  # fitted structure
+    data: Data  # fitted data
+    problem: SegmentedMotion  # fitted motion
+    minimum: Minimum  # minimum found
+    duration: float  # length of a segment in s
+    # coefficients that ended at a bound and were fixed there, by name
     at_bound: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What was sought: coefficients, then delays."""
+        """Names of the fitted coefficients, then of the fitted delays."""
         return self.problem.names
 
     @property
     def values(self) -> FloatArray:
-        """Its values."""
+        """Fitted values, shape (k,)."""
         return self.minimum.point.values
 
     @property
     def information(self) -> FloatArray:
-        """The sum of squares' quadratic form about them."""
+        """Information matrix: the quadratic form of the sum of squares, shape (k, k)."""
         return self.minimum.reduced.information
 
     @cached_property
     def by_name(self) -> dict[str, float]:
-        """Values of all that was sought, those at a bound among them."""
+        """Values by name, including coefficients at a bound."""
         return {**self.at_bound, **dict(zip(self.names, self.values.tolist(), strict=True))}
 
     @property
     def ended(self) -> Structure[M]:
-        """The structure with what ended at a bound fixed there."""
+        """Structure with the coefficients at a bound fixed there."""
         return replace(self.structure, fixed={**self.structure.fixed, **self.at_bound})
 
     @cached_property
@@ -231,10 +230,10 @@ class Fitted(Generic[M]):
 
     @cached_property
     def unexplained(self) -> float:
-        """Residuals beyond the sensors' noise over the deflection, root mean squares, at most 1.
+        """Root mean square of residuals beyond noise over the deflection's, at most 1.
 
-        The deflection is that of encoders that are on time. With one encoder, the motor's motion
-        is in its place.
+        The deflection is corrected for delays of the encoders. With one encoder, the motor's motion
+        is used instead.
         """
         if self.excess <= 1.0:
             return 0.0
@@ -247,39 +246,39 @@ class Fitted(Generic[M]):
         return float(np.sqrt(beyond / moved)) if beyond < moved else 1.0
 
     def unexplained_over(self, duration: float) -> float:
-        """The same over longer segments, in s: an error of the model grows no slower than these."""
+        """Return `unexplained` over longer segments, in s, in proportion to their length."""
         return self.unexplained * max(1.0, duration / self.duration)
 
     @cached_property
     def fit(self) -> Estimate:
-        """The estimate with its covariance."""
+        """Estimate with its covariance."""
         found = described(self.problem, self.minimum)
         return Estimate(found.names, found.values, found.covariance, found.degrees_of_freedom)
 
     @cached_property
     def unit_deviations(self) -> FloatArray:
-        """Standard deviations if nothing but the sensors' noise were in the residuals."""
+        """Standard deviations for sensor noise alone, shape (k,)."""
         return np.sqrt(np.diag(self.minimum.reduced.inverse))
 
     @property
     def converged(self) -> bool:
-        """Whether the least sum of squares was found, as far as its roughness allows."""
+        """Whether the steps reached the minimum, within the roughness of the sum of squares."""
         promised = self.minimum.reduced.decrement
         return promised <= FLAT * self.minimum.equations.cost or self.minimum.last_step <= ROUGH
 
     @property
     def astray(self) -> frozenset[str]:
-        """Delays so long that the channel's samples have no partners in the data."""
+        """Delays beyond the margin of the data."""
         sought = self.structure.timing.sought
         return frozenset(name for name in sought if abs(self.delays[name]) > self.data.margin)
 
     @property
     def has_partners(self) -> bool:
-        """Whether every channel has partners in the data."""
+        """Whether all delays are within the margin of the data."""
         return not self.astray
 
     def coefficients(self, recording: int) -> FloatArray:
-        """All coefficients of the system in a recording."""
+        """Return all coefficients of the system in a recording."""
         unknowns = self.problem.unknowns
         return unknowns.coefficients(self.values[: len(unknowns.names)], recording)
 
@@ -296,9 +295,9 @@ Result = TypeVar("Result")
 def once_per_fit(
     function: Callable[Concatenate[Fitted, Rest], Result],
 ) -> Callable[Concatenate[Fitted, Rest], Result]:
-    """Keep what a function makes of a fit, and of hashable arguments beside it, with the fit.
+    """Cache a function of a fit and of further hashable arguments, as long as the fit exists.
 
-    A fit holds the data of its log: what keeps it alive keeps them in memory.
+    The cache does not keep the fit alive, since a fit refers to all data of its log.
     """
     kept: WeakKeyDictionary[Fitted, dict[object, Result]] = WeakKeyDictionary()
 

@@ -1,16 +1,15 @@
-"""Where the fit of a log begins: least squares of it, in several ways, and the best of these.
+"""Start values of a fit: several least-squares solutions, of which the best are tried.
 
-Least squares takes each row as its acceleration's explanation. On a drive with dry friction that
-misleads: while a side sticks, friction balances whatever acts, and nothing of it is an
-acceleration, so that all coefficients come out too small by one factor. While it keeps moving in
-one direction its friction is a constant, and the row is exact. Which samples and which filter are
-better shows in the residuals over the shortest segments.
+Least squares fits the acceleration of each row. With dry friction this is biased: while a side
+sticks, friction balances the other torques and there is no acceleration, so all coefficients come
+out too small by one factor. While a side keeps moving in one direction, its friction is constant
+and the row is exact. The residuals over the shortest segments show which samples and which filter
+are better.
 
-The best start leads through all short segments on nearly every drive that the model describes.
-After a jolt, on a drive that swings several times in the shortest segments, or that hardly moves,
-its steps may end in another minimum or nowhere; another start, or segments of a quarter of the
-length, then lead where all lead that do not fail. What they lead nowhere on is a matter of
-disturbances.
+From the best start the fit converges over all short segments on nearly every drive that the model
+describes. It may fail after a jolt, on a drive that swings several times within the shortest
+segments, or on one that hardly moves. Then other starts and segments of a quarter of the length are
+tried. If all fail, the log is fitted with disturbances.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -38,83 +37,85 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models import flexible_joint as declared
 
 RATES = (20.0, 60.0, 7.0, 200.0)
-"""Of the filters of least squares, in 1/s."""
+"""Filter rates of least squares, in 1/s."""
 
-DIRECTED = 0.99  # of a filtered direction, from which on a side has kept moving
-_FEWEST_EACH = 10  # samples for each coefficient
+DIRECTED = 0.99  # least filtered direction of a side that has kept moving
+_FEWEST_EACH = 10  # least number of samples for each coefficient
 _COMPARED = 50  # segments over which starts are compared
-_FILTER_RATE = 20.0  # 1/s, of least squares that shows what each term does to its row
-_PASSED = 1.0 / 3.0  # of the resonance, from which on such a filter hides none of a joint's motion
+_FILTER_RATE = 20.0  # 1/s, least rate of the filter for the effect of each term on its row
+_PASSED = 1.0 / 3.0  # least rate of that filter over the resonance, to pass the joint's motion
 
-_HALVINGS = 2  # of the shortest segments, if these are too long to begin with
-_FEWEST_HALVED = 10  # samples of what only leads to a start: twice its initial state
-_CLAMPED = 1e-3  # of the motor's inertia over that of a link that does not move, to begin with
-_STARTS = 3  # that are tried
-_TOGETHER = 2  # of them, that run at the same time
-_SHORT = 0.5  # s
+_HALVINGS = 2  # of the shortest segments, if all starts fail over these
+_FEWEST_HALVED = 10  # least samples of such a segment: twice its initial states
+_CLAMPED = 1e-3  # motor's inertia over the link's, as the start for a clamped link
+_STARTS = 3  # most starts that are tried
+_TOGETHER = 2  # starts that run at the same time
+_SHORT = 0.5  # s, length of short segments
 _SAME = 0.01  # relative difference of two sums of squares at one minimum
 
 
 def starts(structure: Structure, data: Data, segments: Segments) -> Iterator[dict[str, float]]:
-    """Values that a fit may begin with, the most promising first.
+    """Yield start values of a fit, the most promising first.
 
-    If a step from the first leaves no more than noise, it need not be compared with the others.
+    If one step from the first start leaves no more than noise, the starts are not compared.
     """
-    ways = _ways(structure, data)
-    first = next(ways, None)
+    candidates = _candidates(structure, data)
+    first = next(candidates, None)
     if first is None:
         raise ConvergenceError("least squares", "nearly all of the log is rest: log more motion")
     some = segments.some(_COMPARED)
     problem, point = motion_at(structure, data, some, first, first_states(some))
     equations = problem.equations(point)
     promised = equations.cost - problem.solve(equations).decrement
-    every = chain([first], ways)
+    every = chain([first], candidates)
     if promised > THRESHOLDS.sensor_excess * problem.degrees_of_freedom:
         every = by_misfit(structure, data, segments, every)
     yield from every
 
 
-def _ways(structure: Structure, data: Data) -> Iterator[dict[str, float]]:
-    """Values by least squares through one filter after the other."""
-    # Which samples a friction is known at shows where it is sought, be it given or not.
+def _candidates(structure: Structure, data: Data) -> Iterator[dict[str, float]]:
+    """Yield least-squares values for each filter rate."""
+    # Given frictions are sought too, since only sought ones show the samples while moving.
     given = {c: value for c, value in structure.fixed.items() if c not in declared.DRY_FRICTIONS}
     sought = replace(structure, fixed=given)
     for rate in RATES:
         start, fit = least_squares_start(sought, data, rate)
-        ways = [start]
+        candidates = [start]
         if moving := _while_moving(fit):
-            ways.append(_begun(sought, {**fit.by_name, **moving}))
-        # Of rest alone least squares makes springs of nothing, by which others are divided.
-        yield from (w for w in ways if all(w.get(name) != 0.0 for name in declared.POSITIVE))
+            candidates.append(_start_values(sought, {**fit.by_name, **moving}))
+        # At rest a stiffness or gain may come out zero, and others are divided by it.
+        yield from (w for w in candidates if all(w.get(name) != 0.0 for name in declared.POSITIVE))
 
 
 def by_misfit(
     structure: Structure[M],
     data: Data,
     segments: Segments,
-    ways: Iterable[dict[str, float]],
+    candidates: Iterable[dict[str, float]],
     steps: Steps = USUAL,
 ) -> list[dict[str, float]]:
-    """Values that a fit may begin with, the one first that leaves least in some segments."""
+    """Return start values, the one with the least residuals over some segments first."""
     some = segments.some(_COMPARED)
     states = first_states(some)
-    return sorted(ways, key=lambda way: _misfit(structure, data, some, way, states, steps))
+    return sorted(
+        candidates, key=lambda start: _misfit(structure, data, some, start, states, steps)
+    )
 
 
 def _misfit(
     structure: Structure[M],
     data: Data,
     segments: Segments,
-    way: Mapping[str, float],
+    start: Mapping[str, float],
     states: FloatArray,
     steps: Steps,
 ) -> float:
-    """Mean logarithm of what a start leaves in the segments, once each begins where that suits it.
+    """Return the mean logarithm of a start's residuals over segments with fitted initial states.
 
-    A start may be nearly right and still go astray where a side sticks or is jolted: a sum would
-    heed nothing else.
+    A good start may still fail in segments where a side sticks or is jolted. These would dominate a
+    sum.
     """
-    problem, point = motion_at(structure, data, segments, way, states)
+    problem, point = motion_at(structure, data, segments, start, states)
     problem = steps.taken_by(problem)
     equations = problem.equations(point, "states")
     if not np.isfinite(equations.cost):
@@ -124,10 +125,10 @@ def _misfit(
 
 
 def _while_moving(fit: LeastSquaresFit) -> dict[str, float]:
-    """Least squares of each row over the samples at which its friction is known but for its size.
+    """Return least squares of each row over the samples at which its side kept moving one start.
 
-    There the filtered direction of its motion is one or minus one, so that it has not turned round
-    or stuck for as long as the filter remembers. A row of which these are few, or all, is left out.
+    There the filtered direction of the motion is 1 or -1, so the side neither reversed nor stuck
+    within the filter's memory. A row is left out if such samples are few, or if all are.
     """
     found: dict[str, float] = {}
     for row in fit.rows:
@@ -143,23 +144,22 @@ def _while_moving(fit: LeastSquaresFit) -> dict[str, float]:
 def least_squares_start(
     structure: Structure, data: Data, filter_rate: float
 ) -> tuple[dict[str, float], LeastSquaresFit]:
-    """Least squares of the data with smoothed friction, delays ignored: where a fit begins."""
+    """Return start values and least squares with smoothed friction and without delays."""
     unknowns = smooth_unknowns(structure, data.groups)
     hold = "zero" if structure.timing.hold == "zero" else "linear"
     fit = filtered_least_squares(data.samples, unknowns.system, filter_rate, hold, unknowns)
-    return _begun(structure, fit.by_name), fit
+    return _start_values(structure, fit.by_name), fit
 
 
-def _begun(structure: Structure, values: Mapping[str, float]) -> dict[str, float]:
-    """Where a fit begins, from values by least squares; what is given stands beside them."""
+def _start_values(structure: Structure, values: Mapping[str, float]) -> dict[str, float]:
+    """Return start values from least squares, with given values and delays."""
     return {**structure.timing.delays, **_passive({**structure.fixed, **values})}
 
 
 def _passive(values: Mapping[str, float]) -> dict[str, float]:
-    """Values of a joint that no motion can run away from: where a fit may begin.
+    """Return start values of a passive joint, whose motion cannot diverge.
 
-    Least squares of channels that do not match in time has frictions that feed energy in, and
-    springs that push.
+    Least squares of channels with different delays may have negative frictions and stiffnesses.
     """
     found = {}
     for name, value in values.items():
@@ -173,9 +173,9 @@ def _passive(values: Mapping[str, float]) -> dict[str, float]:
         else:
             found[name] = value
     link, motor = declared.SPRING
-    if found.get(link) == 0.0:  # a clamped one, as if it were heavy
+    if found.get(link) == 0.0:  # a clamped link starts as a heavy one
         found[link] = _CLAMPED * found.get(motor, 0.0)
-    # One spring acts on both rows, and the link's, of positions alone, knows its shape best.
+    # One spring acts on both rows. The link's row has positions alone and shows its shape best.
     for name in declared.HARDENING & declared.TIES.keys() & found.keys():
         motor, by_link, by_motor = declared.TIES[name]
         if {motor, by_link, by_motor} <= found.keys() and values[by_link] > 0.0:
@@ -184,7 +184,7 @@ def _passive(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def suited_rate(fitted: Fitted, asked: float | Literal["auto"] = "auto") -> float:
-    """Rate in 1/s of a filter that passes the motion of a joint as fitted, unless one is asked."""
+    """Return the rate in 1/s of a filter that passes the joint's motion, unless one is given."""
     if asked != "auto":
         return asked
     fastest = FASTEST / max(samples.sample_time for samples in fitted.data.samples)
@@ -192,13 +192,13 @@ def suited_rate(fitted: Fitted, asked: float | Literal["auto"] = "auto") -> floa
 
 
 def smooth_unknowns(structure: Structure, groups: Sequence[int]) -> Unknowns:
-    """What least squares seeks of a structure: friction smoothed, no coefficients tied."""
+    """Return the unknowns for least squares: with smoothed friction, without ties."""
     joint = structure.joint
     smooth = joint.smooth
     absent = structure.absent
     given = {c: v for c, v in structure.fixed.items() if c in smooth.coefficients}
     off = {c: 0.0 for c in smooth.coefficients if c in absent | declared.SQUARES}
-    # Where the source of a tie is off, so is what follows from it.
+    # If the source of a tie is off, the tied coefficient is off too.
     off |= {
         c: 0.0
         for c, (source, _, _) in joint.ties.items()
@@ -209,7 +209,7 @@ def smooth_unknowns(structure: Structure, groups: Sequence[int]) -> Unknowns:
 
 
 def unexplained_link(fit: LeastSquaresFit) -> float:
-    """Share of the link's squared acceleration that no term of least squares explains."""
+    """Return the share of the link's squared acceleration that least squares does not explain."""
     (link,) = (row for row in fit.rows if row.name == "link")
     return link.residual_sum / link.total_sum if link.total_sum else 0.0
 
@@ -217,56 +217,59 @@ def unexplained_link(fit: LeastSquaresFit) -> float:
 def first_fits(
     structure: Structure, data: Data, divisions: Sequence[Segments], *, insist: bool = True
 ) -> list[Fitted]:
-    """Fit over segments of growing length, from the start that leads to the least residuals.
+    """Fit over segments of growing length, from the start with the least final residuals.
 
-    Returns fits from the first of the divisions on, as far as `fit_by_length` leads: through the
-    short ones, or to the longest if the model explains these at once. Without insisting on a fit
-    whose steps end, the best start's is taken, be it as bad as it may.
+    Returns the fits over the short segments, or over the longest if the model explains these at
+    once. Without `insist`, the fit from the best start is returned even if no fit converged.
     """
     last = len(short(divisions)[-1])
 
     def leads_on(fitted: Fitted) -> bool:
         return len(fitted.problem.segments) > last
 
-    ways: Iterator[Mapping[str, float]] = islice(starts(structure, data, divisions[0]), _STARTS)
-    for climb in _climbs(divisions):
+    candidates: Iterator[Mapping[str, float]] = islice(
+        starts(structure, data, divisions[0]), _STARTS
+    )
+    for schedule in _schedules(divisions):
         best: list[Fitted] = []
         astray: set[str] = set()
-        ways, own = tee(ways)
-        for found in _tries(structure, data, islice(own, climb.starts), climb, leads_on):
+        candidates, own = tee(candidates)
+        for found in _fits_from_starts(
+            structure, data, islice(own, schedule.starts), schedule, leads_on
+        ):
             if not found[-1].has_partners:
                 astray |= found[-1].astray
                 continue
-            confirmed = len(found) == len(best) and _alike(found, best)
+            confirmed = len(found) == len(best) and _same_minimum(found, best)
             best = _better(found, best)
             if confirmed or not leads_on(best[-1]):
                 break
         if best:
             return best
-        if astray:  # the log tells so little of these delays that they lead out of it
+        if astray:  # the log does not determine these delays, which exceed its margin
             return first_fits(structure.without(astray), data, divisions, insist=insist)
     if not insist:
         steps = replace(FIRST_STEPS, insist=False)
-        way = next(ways)
-        return fit_by_length(structure, data, way, divisions, steps=steps, leads_on=leads_on)
+        start = next(candidates)
+        return fit_by_length(structure, data, start, divisions, steps=steps, leads_on=leads_on)
     raise no_start()
 
 
 def short(divisions: Sequence[Segments]) -> Sequence[Segments]:
-    """Those over which starts are compared, and any hold will do."""
+    """Return the short divisions, over which starts are compared and the hold hardly matters."""
     return [each for each in divisions if each.mean_duration <= _SHORT] or divisions[:1]
 
 
 def no_start() -> ConvergenceError:
-    """The error of a log that no start leads anywhere on."""
+    """Return the error of a log on which the fit fails from every start."""
     return ConvergenceError(
         "prediction error",
-        "the model follows this log from no start: check the channels, their units and signs",
+        "the fit of this log fails from every start: check the channels, their units and signs",
     )
 
 
 def _halved(shortest: Segments) -> list[Segments]:
-    """Segments of a quarter and of half the length, as far as they are long enough."""
+    """Return segments of a quarter and of half the length, if they have enough samples."""
     finer: list[Segments] = []
     for _ in range(_HALVINGS):
         if shortest.lengths.min() < 2 * _FEWEST_HALVED:
@@ -276,70 +279,70 @@ def _halved(shortest: Segments) -> list[Segments]:
     return finer
 
 
-class _Climb(NamedTuple):
-    """A way from short segments to long ones."""
+class _Schedule(NamedTuple):
+    """Series of fits from short segments to long ones, with the number of starts."""
 
     divisions: Sequence[Segments]
-    finer: int = 0  # of these divisions, which a start has to come beyond
-    starts: int = _STARTS  # that are tried
-    together: int = _TOGETHER  # of them, that run at the same time
+    finer: int = 0  # number of additional finer divisions, which a start has to pass
+    starts: int = _STARTS  # number of starts that are tried
+    together: int = _TOGETHER  # number of starts that run at the same time
 
 
-def _climbs(divisions: Sequence[Segments]) -> Iterator[_Climb]:
-    """Ways to the longest segments, of which each is for logs that the ones before lead nowhere on.
+def _schedules(divisions: Sequence[Segments]) -> Iterator[_Schedule]:
+    """Yield schedules, each for logs on which the ones before it fail.
 
-    The first start is enough for most logs. What noise hides over the shortest segments longer ones
-    show, and shorter ones forgive more.
+    The first start is enough for most logs. Longer segments show more above the noise; shorter ones
+    tolerate worse starts.
     """
-    yield _Climb(divisions, together=1)
+    yield _Schedule(divisions, together=1)
     for place in range(1, len(short(divisions))):
-        yield _Climb(divisions[place:], starts=_TOGETHER)
+        yield _Schedule(divisions[place:], starts=_TOGETHER)
     if finer := _halved(divisions[0]):
-        yield _Climb([*finer, *divisions], len(finer))
+        yield _Schedule([*finer, *divisions], len(finer))
 
 
-def _tries(
+def _fits_from_starts(
     structure: Structure,
     data: Data,
-    ways: Iterator[Mapping[str, float]],
-    climb: _Climb,
+    candidates: Iterator[Mapping[str, float]],
+    schedule: _Schedule,
     leads_on: Callable[[Fitted], bool],
 ) -> Iterator[list[Fitted]]:
-    """Fits from one start after the other that come beyond the first of the segments."""
-    climbed, before = climb.divisions, climb.finer
-    first = in_part(climbed[0])
+    """Yield the fits from each start that passes the schedule's first division."""
+    divisions, before = schedule.divisions, schedule.finer
+    first = in_part(divisions[0])
 
-    def led(way: Mapping[str, float]) -> list[Fitted]:
+    def led(start: Mapping[str, float]) -> list[Fitted]:
         try:
-            if first is not climbed[0]:
-                some = fit_by_length(structure, data, way, [first], steps=FIRST_STEPS)
-                way = some[0].by_name
+            if first is not divisions[0]:
+                some = fit_by_length(structure, data, start, [first], steps=FIRST_STEPS)
+                start = some[0].by_name
             return fit_by_length(
-                structure, data, way, climbed, steps=FIRST_STEPS, leads_on=leads_on
+                structure, data, start, divisions, steps=FIRST_STEPS, leads_on=leads_on
             )
         except ConvergenceError:
             return []
 
-    at_once = islice(ways, climb.together)
-    stuck: list[Fitted] = []  # of what leads not even to the first length
-    for found in chain(side_by_side(led, at_once), map(led, ways)):
-        reached = [f for f in found if len(f.problem.segments) <= len(climbed[before])]
+    at_once = islice(candidates, schedule.together)
+    stuck: list[Fitted] = []  # fits of a start that does not pass the first division
+    for found in chain(side_by_side(led, at_once), map(led, candidates)):
+        reached = [f for f in found if len(f.problem.segments) <= len(divisions[before])]
         if reached:
             yield reached
-        elif stuck and len(found) == len(stuck) and _alike(found, stuck):
+        elif stuck and len(found) == len(stuck) and _same_minimum(found, stuck):
             return
         elif found:
             stuck = found
 
 
-def _alike(one: Sequence[Fitted], other: Sequence[Fitted]) -> bool:
-    """Whether two series of fits that are as long end in one minimum."""
+def _same_minimum(one: Sequence[Fitted], other: Sequence[Fitted]) -> bool:
+    """Whether two series of fits of equal length end in the same minimum."""
     ends = sorted(found[-1].minimum.equations.cost for found in (one, other))
     return ends[1] <= (1.0 + _SAME) * ends[0]
 
 
 def _better(one: list[Fitted], other: list[Fitted]) -> list[Fitted]:
-    """Of two series of fits the one with less residuals over the longest common segments."""
+    """Return the series of fits with smaller residuals over the longest common segments."""
     costs = [{len(f.problem.segments): f.minimum.equations.cost for f in c} for c in (one, other)]
     common = costs[0].keys() & costs[1].keys()
     if not common:

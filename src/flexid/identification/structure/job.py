@@ -170,7 +170,7 @@ def job_of(
     if settings.coulomb_velocity != "auto" and (dry := sorted(job.kept & joint.shapes)):
         raise SettingError(
             "coulomb_velocity",
-            f"{joint.of_coefficient(dry[0])} goes with dry friction only: leave one of them",
+            f"{joint.of_coefficient(dry[0])} goes with dry friction only: leave out one of them",
         )
     return job
 
@@ -228,7 +228,7 @@ def _predicting(job: Job) -> tuple[Choice, Validation]:
         raise ConvergenceError(
             "prediction error",
             f"the model leaves {100.0 * left.unexplained:.0f} % of the deflection unexplained over "
-            f"{left.duration:.2g} s: look for what else moves the joint",
+            f"{left.duration:.2g} s: look for other effects that move it",
         )
     choice, validation = _chosen(job, by_length, with_shapes=auto)
     if not auto:
