@@ -190,7 +190,7 @@ def test_disturbances_are_asked_for_where_the_core_is_not_well_known(
     """Assert what a torque with more than sensors' noise leads to, its core known to 0.6 or 3 %."""
     steps: list[str] = []
     found = identify([log(made(5, torque_noise=torque_noise))], progress=steps.append)
-    assert ("what disturbs the drive" in steps) == asked
+    assert ("fit with disturbances" in steps) == asked
     low, high = found.parameters["joint_stiffness"].interval
     assert low < 100.0 < high < low + 5.0
 

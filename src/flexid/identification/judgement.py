@@ -125,7 +125,7 @@ def _degree(gradient: FloatArray, names: tuple[str, ...], values: Mapping[str, f
     """Return the sign of the degree of homogeneity, from Euler's g'p = degree g, with g > 0."""
     shares = gradient * [values[name] for name in names]
     degree = float(np.sum(shares))
-    if not abs(degree) >= _ROUNDING * float(np.abs(shares).max()):  # nor where a coefficient is 0
+    if not abs(degree) >= _ROUNDING * float(np.abs(shares).max()):  # also for a coefficient of 0
         return 0
     return int(np.sign(degree))
 

@@ -165,7 +165,7 @@ def _exact(job: Job, chosen: tuple[Choice, Validation], *, anyhow: bool) -> Answ
             terms = latest(choice.terms, gone)
             choice = replace(choice, structure=leaner.structure, fitted=fitted, terms=terms)
             fits = final_fits(choice, job.whole, job.recordings, *rest, anyhow=anyhow)
-    job.progress("what the model does without")
+    job.progress("removed terms")
     estimate = with_doubts(fits, job.delay_in_doubt, thresholds)
     doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (job.input_unit == "V")
     doubted = Doubted(fits.reported, {}, {}, job.input_unit, None, by_lag=lagged(fits.reported))
@@ -207,7 +207,7 @@ def _disturbed(job: Job) -> Answer:
     from flexid.identification.estimation.disturbed import fit_disturbed, fit_disturbed_to, follower
     from flexid.identification.estimation.disturbed_estimate import disturbed_estimate
 
-    job.progress("what disturbs the drive")
+    job.progress("fit with disturbances")
     training, whole = job.training, job.whole
     holds = job.holds if job.joint.kind == "link" else (MEASURED_HOLD, "zero")
     fitted = fit_disturbed(

@@ -284,7 +284,7 @@ class Fitted(Generic[M]):
 
     @property
     def delays(self) -> dict[str, float]:
-        """Every delay in s."""
+        """All delays in s, by name."""
         return self.problem.delays(self.values)
 
 

@@ -57,7 +57,7 @@ _LEAST = 1e-15  # least width, to avoid a division by zero
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint with all its terms; made by `flexible`, `link` and `rigid`."""
+    """Joint with all its terms; made by `flexible`, `link` and `rigid`."""
 
     # flexible: two encoders and a spring between them; link: the link alone, driven by the motor's
     # measured motion; rigid: one encoder
@@ -70,7 +70,7 @@ class Joint:
     shaped: ParametricSystem  # `extended` with smoothed friction
     terms: Mapping[str, tuple[str, ...]]  # coefficients of each term
     shapes: frozenset[str]  # coefficients of the terms in `SHAPE_TERMS`
-    # unit of every coefficient; ``{input}`` stands for the unit of the input
+    # unit of every coefficient; ``{input}`` is replaced by the unit of the input
     units: Mapping[str, str]
     channels: tuple[str, ...]  # names of the channels that a free run is compared in
     # coefficients that follow from three others, by name
@@ -225,7 +225,7 @@ class Joint:
         return Unknowns(system, {**off, **given}, tuple(offsets), tuple(groups), ties)
 
     def motion(self, segments: Segments, timing: Timing, unknowns: Unknowns) -> SegmentedMotion:
-        """Its motion over segments."""
+        """Return the motion over segments."""
         return segmented_motion(unknowns.system, segments, timing, unknowns)
 
     def parameters(
@@ -350,7 +350,7 @@ class ElasticArm:
     """Arm with all its terms."""
 
     balance: "TorqueBalance"
-    resting: tuple[int, ...] = ()  # joints whose motors stand still
+    resting: tuple[int, ...] = ()  # joints whose motors are at rest
     terms: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # no optional terms
     ties: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
     nonlinear: Mapping[str, str] = field(default_factory=dict)
@@ -366,7 +366,7 @@ class ElasticArm:
     def channels_of(
         self,
         positions: FloatArray,
-        inputs: FloatArray,  # noqa: ARG002 - as a joint's, whose link may have its motor there
+        inputs: FloatArray,  # noqa: ARG002 - same signature as for a joint
     ) -> FloatArray:
         """Return the channels, shape (n, 3 n_joints), in rad."""
         links, motors = positions[:, ::2], positions[:, 1::2]
@@ -376,7 +376,7 @@ class ElasticArm:
         self,
         absent: Collection[str],
         fixed: Mapping[str, float],
-        groups: Sequence[int] = (),  # noqa: ARG002 - as a joint's, whose offsets differ by log
+        groups: Sequence[int] = (),  # noqa: ARG002 - same signature as for a joint
     ) -> Unknowns:
         """Return the unknowns, with absent and fixed parameters at their values."""
         known = {**dict.fromkeys(absent, 0.0), **fixed}
@@ -385,11 +385,11 @@ class ElasticArm:
 
     def with_widths(
         self,
-        widths: Mapping[str, float],  # noqa: ARG002 - as a joint's
+        widths: Mapping[str, float],  # noqa: ARG002 - same signature as for a joint
     ) -> "ElasticArm":
         """Return the arm unchanged, since its terms have no constants."""
         return self
 
     def motion(self, segments: Segments, timing: Timing, unknowns: Unknowns) -> SegmentedMotion:
-        """Its motion over segments."""
+        """Return the motion over segments."""
         return segmented_motion(unknowns.system, segments, timing, unknowns)

@@ -19,7 +19,7 @@ from flexid.recording.velocities import is_noise, while_moving, with_velocities
 
 _FEWEST_TRAINING_SAMPLES = 50
 _FEWEST_HELD_OUT_SAMPLES = 10
-# Share of a log's samples in its shortest recordings, which are left out. They tell little, but the
+# Share of a log's samples in its shortest recordings, which are left out. They add little, but the
 # shortest recording limits the band of a fit and the delays that it can find.
 _SHORTEST = 0.03
 # Number of windows of a long log in which the structure is sought. More windows show no further
@@ -234,7 +234,7 @@ def check_distinct(logs: Sequence[Source]) -> None:
     for log in logs:
         if log.sha256 and log.sha256 in sources:
             raise RecordingError(
-                log.source, "", f"holds the same data as {sources[log.sha256]}: give it only once"
+                log.source, "", f"has the same data as {sources[log.sha256]}: give it only once"
             )
         sources[log.sha256] = log.source
 
@@ -309,7 +309,7 @@ DelayStatus: TypeAlias = Literal["given", "found", "none"]
 
 @dataclass(frozen=True)
 class Delay:
-    """A delay of one channel against the motor's encoder."""
+    """Delay of one channel against the motor's encoder."""
 
     value: float  # in s: zero for status "none"
     std: float  # in s

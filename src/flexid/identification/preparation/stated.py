@@ -37,7 +37,7 @@ from flexid.models.physical import Amplitude, PhysicalParameter, Product
 
 _STEPS = 100
 _CONVERGED = 1e-10  # relative change of the values by a step
-_NULL = 1e-15  # of the largest eigenvalue
+_NULL = 1e-15  # of the largest eigenvalue; smaller ones count as zero
 _LEAST_FREEDOM = 0.5
 _LARGEST_STEP = 0.5  # of a positive coefficient's value, so that it does not cross zero
 
@@ -191,8 +191,8 @@ def contradiction_warning(known: Known, value: float, std: float) -> str:
     stated = f"{known.value:.4g}" + (f" ± {known.std:.2g}" if known.std else "")
     verb = "is bounded by" if known.bound else "is known as"
     return (
-        f"{known.name} {verb} {stated}, which contradicts the log: it says {value:.4g} ± "
-        f"{std:.2g} by itself; check the value and the log's units"
+        f"{known.name} {verb} {stated}, which contradicts the log: the log alone gives "
+        f"{value:.4g} ± {std:.2g}; check the value and the log's units"
     )
 
 
@@ -272,7 +272,7 @@ def _unknown_name(
     setting: str, name: str, functions: Mapping[str, PhysicalParameter], input_unit: str
 ) -> SettingError:
     here = ", ".join(functions)
-    torque = "" if input_unit in FORCES else "; what is absolute needs a torque as the input"
+    torque = "" if input_unit in FORCES else "; absolute values need a torque as the input"
     return SettingError(
         setting, f"this log and these terms have no {name}{torque}; there are {here}"
     )

@@ -165,7 +165,7 @@ def _rivals(
 def _without_negative_friction(fitted: Fitted, kept: Collection[str]) -> Fitted | None:
     """Return a fit without the frictions that came out negative.
 
-    If the model leaves more than noise, the standard deviation says little about a friction's sign.
+    If the model leaves more than noise, the standard deviation hardly shows a friction's sign.
     Returns None if there is no such friction, or if the fit fails.
     """
     base = [name.partition("[")[0] for name in fitted.names]

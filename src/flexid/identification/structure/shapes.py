@@ -46,7 +46,7 @@ from flexid.models.flexible_joint import (
     STRIBECK_VELOCITY,
 )
 
-_AROUND = np.linspace(-0.4, 0.4, 5)  # of the resolution
+_AROUND = np.linspace(-0.4, 0.4, 5)  # distances of constants from a candidate, over the resolution
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from flexid.identification.preparation.joint import ElasticArm, Joint
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
 
 _MOST_STEPS = 10
-_NULL = 1e-9  # of the largest eigenvalue
+_NULL = 1e-9  # of the largest eigenvalue; smaller ones count as zero
 _CONVERGED = 1e-4  # relative fall of the sum of squares predicted for the last step
 
 

@@ -140,7 +140,7 @@ Verdict = Literal["determined", "weak", "undetermined"]
 
 @dataclass(frozen=True)
 class ValueEstimate:
-    """A number with its 95 % interval and the verdict on it."""
+    """Number with its 95 % interval and its verdict."""
 
     name: str
     unit: str  # SI unit
