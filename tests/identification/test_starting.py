@@ -183,7 +183,7 @@ def test_a_delay_that_leaves_the_data_is_no_fit():
     base = posed_of(late, sought=(LINK,))
     segments = lengths(late)[2]
     assert late.margin < 0.05
-    with pytest.raises(ConvergenceError, match="comes out more than"):
+    with pytest.raises(ConvergenceError, match="comes out above"):
         refit(base, late, {**COEFFICIENTS, LINK: 0.04}, segments, FINE, None)
 
 
