@@ -223,10 +223,10 @@ def test_what_it_lacks_is_said(units, tmp_path, monkeypatch):
 FAILURES = {
     "a warning and an error": (
         "echo 'model.h:1: warning: hm' >&2; echo 'plant.c:9: error: no such thing' >&2; exit 1",
-        r"cc makes no library of it \(model.h:1: warning: hm plant.c:9: error: no such thing\)",
+        r"cc cannot compile it \(model.h:1: warning: hm plant.c:9: error: no such thing\)",
     ),
-    "a signal": ("kill -9 $$", r"makes no library of it \(.*SIGKILL"),
-    "no library": ("exit 0", r"makes no library of it \(.*No such file"),
+    "a signal": ("kill -9 $$", r"cannot compile it \(.*SIGKILL"),
+    "no library": ("exit 0", r"cannot compile it \(.*No such file"),
 }
 
 

@@ -1,1 +1,1 @@
-"""An estimate or a model as code and files for other tools: C99 for a drive, and more."""
+"""Export of estimates and models: C99 for drives, FMUs, and scenes for MuJoCo."""

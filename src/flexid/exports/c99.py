@@ -1,4 +1,4 @@
-"""The target ``c99``: an estimator for a drive as C99, with an example and a test vector."""
+"""Export to C99: an online estimator for a drive, with an example and a test vector."""
 
 import hashlib
 from math import exp
@@ -14,18 +14,18 @@ from flexid.estimators.samples import Samples
 from flexid.exports.request import ExportRequest, rendered
 from flexid.models.parametric_system import Row
 
-_LARGEST_SAMPLE = 1e9  # a number in a sample beyond this, in its unit, is a fault of the sensor
+_LARGEST_SAMPLE = 1e9  # of a number in a sample, in its unit; beyond it is a sensor fault
 
-_MOST_COEFFICIENTS = 31  # of a row: which of them are determined stands in the bits of one number
+_MOST_COEFFICIENTS = 31  # of a row: the bits of one number flag the determined ones
 
-_RECENT = 10.0  # time constants of the filter that "lately" reaches back over
+_RECENT = 10.0  # time constants of the filter that "recent" samples span
 
 
 class DriveSource:
-    """Header and source of one estimator."""
+    """Header and source of an online estimator in C99."""
 
     def __init__(self, request: ExportRequest) -> None:
-        assert request.settings is not None  # flexid.export has seen to it
+        assert request.settings is not None  # flexid.export checks this
         self.system, self.settings = request.system, request.settings
         for row in self.system.rows:
             if len(row.coefficients) > _MOST_COEFFICIENTS:
@@ -37,50 +37,50 @@ class DriveSource:
         self.twin = self.settings.twin(self.system)
         self.functions = drive_functions(self.system)
         self._units = request.units
-        # For the templates: identifiers in C of states, inputs, coefficients; what a sample holds.
+        # For the templates: C identifiers of states, inputs, coefficients; signals in a sample.
         self.names = self.functions.names
         self.sample_names = (*self.system.states[::2], *self.system.inputs)
-        # Numbers of coefficients, where those of each row begin, and what they are at first.
+        # Numbers of coefficients, index of the first one of each row, and start values.
         self.counts = [len(row.coefficients) for row in self.system.rows]
         self.row_starts = [0, *(part.stop for _, part in self.system.row_slices())]
         begun = self.twin.coefficients(self.twin.init(self.settings.start)).tolist()
         self.start = dict(zip(self.system.coefficients, begun, strict=True))
-        # The sample whose input acts until the next one, and functions of math.h, as macros.
+        # Sample whose input is held until the next one; macros for functions of math.h.
         self.held_input = "state->latest" if self.settings.hold == "zero" else "latest"
         used = self.functions.calls | {"FABS", "SQRT"}
         self.calls = [name for name in MACROS if name in used]
 
     @property
     def recent_weight(self) -> float:
-        """Weight of the latest sample in what is called recent."""
+        """Weight of the latest sample in the means over recent samples."""
         return 1.0 - exp(-self.settings.sample_time * self.settings.filter_rate / _RECENT)
 
     def unit(self, coefficient: str) -> str:
-        """Unit of a coefficient, for a comment."""
+        """Return the unit of a coefficient, for a comment."""
         return self._units.get(coefficient) or "in the model's unit"
 
     def sample_unit(self, name: str) -> str:
-        """Unit of what a sample holds, for a comment."""
+        """Return the unit of a signal in a sample, for a comment."""
         return comment(self._units.get(name) or "in the model's unit")
 
     def equation(self, row: Row) -> str:
-        """The right-hand side of a row, as eq. (1) has it."""
+        """Return the right-hand side of a row, as in eq. (1)."""
         terms = [f"{name}*({text})" for name, text in row.regressors.items()]
         return " + ".join([*terms, *[row.known] * (row.known != "0")])
 
     def header(self) -> str:
-        """Text of ``flexid_drive.h``."""
+        """Return the text of ``flexid_drive.h``."""
         parts = (self.source(), self.text("state.h").rstrip(), self.text("sizes.h").rstrip())
         decisive = "".join(parts)
         version = int.from_bytes(hashlib.sha256(decisive.encode()).digest()[:4])
         return self.text("drive.h", version=version, version_float=version ^ 0xFFFFFFFF)
 
     def source(self) -> str:
-        """Text of ``flexid_drive.c``."""
+        """Return the text of ``flexid_drive.c``."""
         return self.text("drive.c")
 
     def text(self, name: str, **more: object) -> str:
-        """A template filled for this estimator."""
+        """Render a template for this estimator."""
         return rendered(
             f"c99/{name}",
             drive=self,
@@ -111,18 +111,18 @@ def write(request: ExportRequest, directory: Path) -> tuple[str, ...]:
 _CHECKS = 50
 _AFTER_MEMORY = 1000  # samples
 _SPAN = 40.0  # time constants of the filter
-_MOST_SAMPLES = 50_000  # a file of some megabytes
+_MOST_SAMPLES = 50_000  # a file of a few megabytes
 _TONES = 3
-_ACCELERATION = 30.0  # rad/s^2, that the input causes by itself
+_ACCELERATION = 30.0  # rad/s^2, caused by the input alone
 _SEED = 12
 _ALLOWED_DOUBLE, _ALLOWED_FLOAT = 1e-11, 1e-4
-_MARGIN = 1000.0  # times what rounding the samples does: sums and their solution are rounded, too,
-# which was seen to do 70 times as much, and in float, where the motion is poor, 600 times
+_MARGIN = 1000.0  # times the effect of rounded samples. Rounding of sums and solutions was seen to
+# have 70 times this effect, and 600 times in float with poor excitation.
 _SHORTEST_LOG = 100  # samples
 
 
 def made_samples(drive: DriveSource) -> FloatArray:
-    """Samples without a log: the model's motion under sums of sines."""
+    """Return samples for an export without a log: the model's motion under sums of sines."""
     h, rate = drive.settings.sample_time, drive.settings.filter_rate
     n = min(int(np.ceil(_SPAN / (rate * h))) + _AFTER_MEMORY, _MOST_SAMPLES)
     time = h * np.arange(n, dtype=np.float64)
@@ -139,14 +139,14 @@ def made_samples(drive: DriveSource) -> FloatArray:
 def _sines(
     time: FloatArray, rate: float, rng: np.random.Generator, channels: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Sums of sines about a rate in 1/s, and their derivatives, shape (n, channels) each."""
+    """Return sums of sines near a rate in 1/s, and their derivatives, shape (n, channels)."""
     rates = rng.uniform(0.1, 1.5, (channels, _TONES)) * rate
     angles = time[:, None, None] * rates + rng.uniform(0.0, 2.0 * np.pi, (channels, _TONES))
     return np.sin(angles).mean(axis=2), (rates * np.cos(angles)).mean(axis=2)
 
 
 def _motion(drive: DriveSource, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """States and inputs of a run that begins at rest, the inputs of a size that moves the drive."""
+    """Return states and inputs of a run from rest; the inputs are scaled to move the drive."""
     from flexid.simulation.free_run import free_run
 
     system, settings = drive.system, drive.settings
@@ -161,7 +161,7 @@ def _motion(drive: DriveSource, inputs: FloatArray) -> tuple[FloatArray, FloatAr
 
 
 def log_samples(drive: DriveSource, samples: Samples) -> FloatArray:
-    """Samples of a log as the estimator takes them."""
+    """Return the samples of a log in the estimator's format."""
     system = drive.system
     if len(samples) < _SHORTEST_LOG:
         raise SettingError(
@@ -171,14 +171,14 @@ def log_samples(drive: DriveSource, samples: Samples) -> FloatArray:
     if found != (len(system.rows), len(system.inputs)):
         raise SettingError(
             "log",
-            f"has {found[0]} positions and {found[1]} inputs, and the model "
+            f"has {found[0]} positions and {found[1]} inputs, but the model has "
             f"{len(system.rows)} and {len(system.inputs)}: give a log of this model's drive",
         )
     return drive.twin.pack(samples)
 
 
 class _Checks:
-    """Estimates that are compared, at samples in which they are determined."""
+    """Estimates to compare between C and Python, at samples where they are determined."""
 
     def __init__(self, drive: DriveSource, samples: FloatArray) -> None:
         self._drive, self._samples = drive, samples
@@ -194,19 +194,19 @@ class _Checks:
         return twin.replay(twin.init(self._drive.settings.start), samples)
 
     def rounded(self, number: type[np.floating]) -> FloatArray:
-        """By how much each changes, relative to its scale, with samples rounded as sums of them."""
+        """Return the largest relative changes of the estimates if the samples are rounded."""
         last_digit = np.finfo(number).eps * np.abs(self._samples).max(axis=0)
         signs = np.random.default_rng(_SEED).choice([-1.0, 1.0], self._samples.shape)
         found = self._replay(self._samples + signs * last_digit).coefficients[self.places]
         return np.asarray((np.abs(found - self.estimates) / self.scale).max(axis=0))
 
     def allowed(self, number: type[np.floating], least: float) -> list[float]:
-        """What another way of rounding may do to each of them."""
+        """Return the allowed relative difference of each estimate due to rounding."""
         return np.maximum(least, _MARGIN * self.rounded(number)).tolist()
 
 
 def vector_text(drive: DriveSource, samples: FloatArray) -> str:
-    """Text of ``test_vector.h``."""
+    """Return the text of ``test_vector.h``."""
     checked = _Checks(drive, samples)
     return drive.text(
         "test_vector.h",
@@ -222,10 +222,12 @@ def vector_text(drive: DriveSource, samples: FloatArray) -> str:
 
 
 def _first_check(drive: DriveSource, history: History) -> int:
-    """The first sample whose estimates are compared: one from which on they are determined."""
-    # Before the filter's past is gone, there are more unknowns, and rounding weighs more.
+    """Return the first sample to compare, from which on estimates are determined."""
+    # While the filter's initial state matters, there are more unknowns and rounding errors.
     n = len(history.status)
     open_ = np.flatnonzero(history.status != Status.USED)
     determined = int(open_[-1]) + 1 if len(open_) else 0
-    settled = 2 * drive.twin.law.memory  # samples: the filter remembers nothing of its start
+    settled = (
+        2 * drive.twin.law.memory
+    )  # samples, after which the filter's initial state has decayed
     return min(max(settled, determined if determined < n else 3 * n // 4), n - 1)

@@ -1,4 +1,4 @@
-"""The target ``fmu``: the plant with its C sources and a library, as FMUs of FMI 2.0 and 3.0."""
+"""Export to FMU: the plant as FMUs of FMI 2.0 and 3.0, with C sources and a library."""
 
 import hashlib
 import io
@@ -32,52 +32,52 @@ Causality = Literal["independent", "output", "input", "parameter"]
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of an FMU."""
+    """Variable of an FMU."""
 
     name: str
     causality: Causality  # parameters can be changed between communication steps
-    start: float | None  # None: the time
+    start: float | None  # None for time
     unit: str = ""
     description: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """A plant for co-simulation."""
+    """Plant for co-simulation."""
 
     description: str
-    variables: tuple[Variable, ...]  # outputs, inputs, parameters: value references from 1 on
-    source: str = field(repr=False)  # plant.c
+    variables: tuple[Variable, ...]  # outputs, inputs, parameters, with value references from 1 on
+    source: str = field(repr=False)  # text of plant.c
 
     def __post_init__(self) -> None:
         names = ["time", *(v.name for v in self.variables)]
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
             raise SettingError(
-                "fmu", f"has a variable of its own that is called {twice!r}: rename the model's"
+                "fmu", f"already has a variable {twice!r}: rename the model's variable"
             )
 
     @cached_property
     def token(self) -> str:
-        """What an importer has to name: it changes with everything that the FMU does."""
+        """GUID of the FMU, from its variables and source."""
         content = hashlib.sha256()
         for text in (repr(self.variables), self.source):
             content.update(text.encode() + b"\0")
         return f"{{{uuid.UUID(content.hexdigest()[:32])}}}"
 
     def count(self, causality: Causality) -> int:
-        """Number of variables of a causality."""
+        """Return the number of variables of a causality."""
         return sum(v.causality == causality for v in self.variables)
 
 
 def plant_of(request: ExportRequest) -> Plant:
-    """The model with its values, as a plant."""
+    """Return the plant of a model and its values."""
     system = without_jumps(request.system, request.joint)
     missing = [name for name in system.coefficients if name not in request.values]
     if missing:
         raise SettingError(
             "fmu",
-            f"the plant needs values of {', '.join(missing)}: export an estimate that has them",
+            f"the plant needs values of {', '.join(missing)}: export an estimate with these values",
         )
     values = {name: float(request.values[name]) for name in system.coefficients}
     regressors = {name: text for row in system.rows for name, text in row.regressors.items()}
@@ -106,7 +106,7 @@ def plant_of(request: ExportRequest) -> Plant:
 
 
 def _fastest(system: ParametricSystem, values: dict[str, float]) -> float:
-    """Fastest pole in 1/s of the model at rest."""
+    """Return the fastest pole of the model at rest, in 1/s."""
     p = np.array([values[name] for name in system.coefficients])
     c = np.array(list(system.constants.values()), dtype=np.float64)
     rest, still = np.zeros(len(system.states)), np.zeros(len(system.inputs))
@@ -119,12 +119,12 @@ _COMPILERS = ("cc", "gcc", "clang")
 _OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden")
 _SYSTEMS = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib")}
 _PROCESSORS = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
-_YEAR = (1980, 1, 1, 0, 0, 0)  # the same content is the same file
+_YEAR = (1980, 1, 1, 0, 0, 0)  # equal contents make equal files
 _TIME = Variable("time", "independent", None, "s", "simulated time")
 
 
 def write(request: ExportRequest, directory: Path) -> list[str]:
-    """Write the plant as an FMU of each version; return what it has not, or otherwise."""
+    """Write the plant as an FMU of each version; return warnings."""
     plant = plant_of(request)
     for version in VERSIONS:
         (directory / f"plant_fmi{version[0]}.fmu").write_bytes(packed(plant, version))
@@ -135,8 +135,8 @@ def _warnings(request: ExportRequest, plant: Plant) -> list[str]:
     found = []
     if SMOOTHING in {v.name for v in plant.variables}:
         found.append(
-            f"the plant's friction changes its sign over {SMOOTHING}, a parameter: it creeps "
-            f"where the drive sticks"
+            f"the plant's friction is smoothed over the parameter {SMOOTHING}: it creeps where the "
+            f"drive sticks"
         )
     if request.identification is not None:
         found += request.doubts
@@ -150,13 +150,13 @@ def _warnings(request: ExportRequest, plant: Plant) -> list[str]:
         ]
     if _compiler() is None or _place("3.0") is None:
         found.append(
-            "there is no C compiler here: the FMUs hold only sources, which importers compile"
+            "there is no C compiler here: the FMUs contain only sources, which importers compile"
         )
     return found
 
 
 def packed(plant: Plant, version: str) -> bytes:
-    """An FMU as bytes."""
+    """Return the contents of an FMU file."""
     compiled = (f"fmi{version[0]}.c", "plant.c")
     texts = {name: rendered(f"fmu/{name}") for name in (compiled[0], "fmi.h")}
     texts |= {"plant.c": plant.source, "plant.h": rendered("fmu/plant.h", plant=plant)}
@@ -175,7 +175,7 @@ def packed(plant: Plant, version: str) -> bytes:
 
 
 def _description(plant: Plant, version: str, compiled: Sequence[str]) -> bytes:
-    """The description of an FMU for co-simulation."""
+    """Return the contents of ``modelDescription.xml``."""
     variables = (_TIME, *plant.variables)
     return rendered(
         "fmu/modelDescription.xml",
@@ -190,7 +190,7 @@ def _description(plant: Plant, version: str, compiled: Sequence[str]) -> bytes:
 
 
 def _library(version: str, texts: dict[str, str], compiled: Sequence[str]) -> dict[str, bytes]:
-    """The compiled library, by its path in the FMU; nothing where none can be made."""
+    """Return the compiled library by its path in the FMU; empty without a compiler."""
     compiler, place = _compiler(), _place(version)
     if compiler is None or place is None:
         return {}
@@ -206,21 +206,21 @@ def _library(version: str, texts: dict[str, str], compiled: Sequence[str]) -> di
             )
             return {f"binaries/{folder}/{library}": Path(made, library).read_bytes()}
     except (OSError, subprocess.CalledProcessError) as error:
-        said = " ".join((getattr(error, "stderr", "") or str(error)).split())
+        output = " ".join((getattr(error, "stderr", "") or str(error)).split())
         raise SettingError(
             "fmu",
-            f"{compiler} makes no library of it ({cut(said, 300)}): correct that, or export "
-            f"without a compiler on the path to get only sources",
+            f"{compiler} cannot compile it ({cut(output, 300)}): correct that, or export without a "
+            f"compiler on the path to get only sources",
         ) from None
 
 
 def _compiler() -> str | None:
-    """A C compiler of this machine."""
+    """Return the path of a C compiler, or None."""
     return next(filter(None, map(shutil.which, _COMPILERS)), None)
 
 
 def _place(version: str) -> tuple[str, str] | None:
-    """Folder of this machine's library and its suffix; None where the standard names none."""
+    """Return the library's folder and suffix for this platform, or None if there are none."""
     system = _SYSTEMS.get(sys.platform)
     processor = _PROCESSORS.get(platform.machine().lower())
     if system is None or processor is None:

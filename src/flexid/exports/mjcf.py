@@ -1,4 +1,4 @@
-"""An identified joint as a MuJoCo scene: two hinges or slides, and a fixed tendon as the spring."""
+"""Export of a joint to MuJoCo: two hinges or slides, and a fixed tendon as the spring."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,17 +17,17 @@ from flexid.models.flexible_joint import SHAPE_TERMS, TERMS, TIES
 from flexid.models.motion import FORCES, JointType, unit_of
 from flexid.stored_estimates.structure import delays_of, values_of
 
-NOTHING = 1e-9  # of the armature: the engine wants every body to have some inertia
+NOTHING = 1e-9  # inertia over the armature, since MuJoCo needs some in every body
 
-_STEP = 1e-3  # s, the longest
-_STEPS_PER_RADIAN = 40.0  # of the resonance; Runge-Kutta's phase error is then below 1e-8
-# The engine does not look for the instant at which dry friction changes: it is up to a step late.
-_DRY_STEP = 1.25e-4  # s, the longest
+_STEP = 1e-3  # s, at most
+_STEPS_PER_RADIAN = 40.0  # of the resonance; keeps the phase error below 1e-8
+# MuJoCo does not locate the instant at which dry friction changes: it is up to a step late.
+_DRY_STEP = 1.25e-4  # s, at most
 _DRY_STEPS_PER_RADIAN = 200.0
 
 
 class Side(NamedTuple):
-    """What acts on one side alone, in SI units."""
+    """Inertia, gravity, friction and constant torque of link or motor, in SI units."""
 
     inertia: float
     sine: float = 0.0
@@ -39,7 +39,7 @@ class Side(NamedTuple):
 
 
 class Spring(NamedTuple):
-    """What acts between both sides, in SI units."""
+    """Spring between link and motor, with damping, hysteresis and play, in SI units."""
 
     stiffness: float
     lopsided: float = 0.0
@@ -47,48 +47,48 @@ class Spring(NamedTuple):
     damping: float = 0.0
     hysteresis: float = 0.0
     half_gap: float = 0.0
-    rest: float = 0.0  # of link less motor, where it has no torque
+    rest: float = 0.0  # link minus motor where the torque is zero
 
 
 class Shape(NamedTuple):
-    """What is there to be looked at, and touches nothing."""
+    """Visible geometry without contacts."""
 
     kind: str
-    ends: tuple[float, ...]  # m, of its axis, two points
+    ends: tuple[float, ...]  # m: two points on its axis
     size: float  # m, its radius
 
 
 class Axis(NamedTuple):
-    """How a body moves."""
+    """Type and direction of a body's axis."""
 
-    type: str  # a hinge or a slide, as MuJoCo says
+    type: str  # MuJoCo's "hinge" or "slide"
     direction: str
 
 
 @dataclass(frozen=True)
 class Body:
-    """A body on an axis."""
+    """Body that turns or slides on an axis."""
 
-    name: str  # of the axis as well
+    name: str  # also of the axis
     axis: Axis
-    side: Side  # what brakes it
+    side: Side  # friction of the axis
     mass: float
     inertia: float  # about its centre
-    along: float = 0.0  # m, of its centre from the axis, and across
+    along: float = 0.0  # m: centre of mass from the axis, along and across
     across: float = 0.0
     armature: float = 0.0
-    reach: float = 0.0  # m, of the axis along what carries it
+    reach: float = 0.0  # m: distance of the axis along the carrier
     shape: Shape | None = None
     carried: list["Body"] = field(default_factory=list)
 
 
 class Joint(NamedTuple):
-    """What acts on the axes ``link`` and ``motor``, whose names end with a number."""
+    """Spring and inputs of the axes ``link`` and ``motor``, whose names end with `number`."""
 
     number: str
-    spring: Spring | None  # None: there is a motor alone
+    spring: Spring | None  # None: only a motor
     gain: float  # torque over input
-    motor_offset: float  # constant torques
+    motor_offset: float  # constant torque
     link_offset: float = 0.0
 
 
@@ -97,31 +97,31 @@ _TURNING = Axis("hinge", "0 1 0")
 
 @dataclass(frozen=True)
 class Scene:
-    """A joint or an arm as a MuJoCo scene."""
+    """MuJoCo scene of a joint or an arm."""
 
     xml: str  # MJCF
-    # a sentence for each thing that moves otherwise than what was identified
+    # one sentence for each difference from the identified model
     notes: tuple[str, ...]
 
 
 def rotor(
     name: str, axis: Axis, side: Side, turning: float = 0.0, **more: float | Shape | None
 ) -> Body:
-    """A motor: but for what turns with the body that carries it, it is the axis's armature."""
+    """Return a motor, with its inertia as armature, except what turns with its carrier."""
     little = NOTHING * side.inertia
     armature = side.inertia - turning if turning else side.inertia
     return Body(name, axis, side, little, turning or little, armature=armature, **more)  # pyright: ignore[reportArgumentType]
 
 
 def possible(value: float, name: str, notes: list[str], owner: str = "hinge") -> float:
-    """The value, or zero, with a note, where it is negative."""
+    """Return the value, or zero with a note if it is negative."""
     if value < 0.0:
         notes.append(f"{name} is negative, which no {owner} has: it is left out")
     return max(value, 0.0)
 
 
 def timestep(fastest: float, *, dry: bool) -> float:
-    """Step in s for a resonance in rad/s: a millisecond, halved until it is short enough."""
+    """Return a step in s for a resonance in rad/s: 1 ms, halved until it is short enough."""
     most, steps = (_DRY_STEP, _DRY_STEPS_PER_RADIAN) if dry else (_STEP, _STEPS_PER_RADIAN)
     step = _STEP
     while step > most or step * fastest * steps > 1.0:
@@ -140,7 +140,7 @@ def scene(
     delay: float,  # s, of the inputs
     step: float,  # s
 ) -> Scene:
-    """Write a scene, with a comment at its head."""
+    """Return a scene with a comment at its head."""
     lines = (*comment, *(f"Note: {note}." for note in notes))
     xml = rendered(
         "mjcf/scene.xml",
@@ -149,7 +149,7 @@ def scene(
         bodies=bodies,
         joints=joints,
         gravity=gravity,
-        # The engine draws straight lines between inputs that are held over a step: half a step.
+        # MuJoCo interpolates linearly between inputs that are held over a step: half a step late.
         delay=delay + 0.5 * step if delay > 0.0 else 0.0,
         step=step,
         text=_text,
@@ -159,24 +159,24 @@ def scene(
 
 
 def _polynomial(first: float, *higher: float) -> str:
-    """Coefficients up to the last that is not zero: those beyond the first need MuJoCo 3.7."""
+    """Return coefficients up to the last nonzero one; more than one needs MuJoCo 3.7."""
     count = max((i for i, value in enumerate(higher, 1) if value), default=0)
     return _text(first, *higher[:count])
 
 
 def _text(*numbers: float) -> str:
-    """Numbers as an attribute has them."""
+    """Return numbers as the text of an attribute."""
     return " ".join(f"{number + 0.0:.10g}" for number in numbers)
 
 
-_GRAVITY = 9.81  # m/s^2; only its product with mass and lever acts
+_GRAVITY = 9.81  # m/s^2; only its product with mass and lever matters
 _LONGEST_LEVER = 1.0  # m
 
 _HEADING = (
     "A joint that flexid identified. SI units; positions at the link's side of the gear.",
-    "Of mass, lever and gravity only the product acts on the link.",
+    "Only the product of mass, lever and gravity acts on the link.",
 )
-_SLIDING = 1e-3  # kg m^2 of a body that does not turn: the engine wants some
+_SLIDING = 1e-3  # kg m^2 of a body that does not turn, since MuJoCo needs some
 
 
 def write(result: Identification, directory: Path) -> tuple[str, ...]:
@@ -194,7 +194,7 @@ def write(result: Identification, directory: Path) -> tuple[str, ...]:
     (directory / "joint.xml").write_text(made.xml, encoding="utf-8")
     several = [name for name in result.coefficients if name.endswith("[1]")]
     doubts = [
-        f"{name.removesuffix('[1]')} differs from log to log: the scene has that of the first"
+        f"{name.removesuffix('[1]')} differs between logs: the scene has the value of the first"
         for name in several
     ]
     return (*doubts_of(result.coefficients), *doubts, *made.notes)
@@ -208,14 +208,14 @@ def mjcf_scene(
     *,
     delays: Mapping[str, float] = MappingProxyType({}),  # s, by name
 ) -> Scene:
-    """Write a joint as a MuJoCo scene."""
+    """Return the MuJoCo scene of a joint."""
     if kind == "link":
         raise SettingError(
             "mjcf",
-            "needs a joint with its motor, and the estimate is of the link alone: identify a log "
+            "needs a joint with its motor, but the estimate is of the link alone: identify a log "
             "with the motor's torque",
         )
-    values = dict(coefficients)  # what the scene has is taken out of them
+    values = dict(coefficients)  # those that the scene models are removed
     torque = input_unit in FORCES
     notes = [] if torque else [_scaled(input_unit, joint)]
     gain = values.pop("beta1")
@@ -229,7 +229,7 @@ def mjcf_scene(
         link = _side(values, "theta", stiffness / by_link)
         motor = _side(values, "alpha", inertia)
         spring = _spring(values, stiffness, inertia, notes)
-    values.pop("hysteresis_grip", None)  # friction within the spring sticks at once
+    values.pop("hysteresis_grip", None)  # the scene's hysteresis has no presliding
     delay = delays.get(INPUT_DELAY, 0.0)
     values |= {INPUT_DELAY: min(delay, 0.0), LINK_DELAY: delays.get(LINK_DELAY, 0.0)}
     notes += _left_out(values)
@@ -260,17 +260,17 @@ def mjcf_scene(
 
 
 def _carriage(name: str, side: Side) -> Body:
-    """A body that slides."""
+    """Return a body that slides."""
     place = 0.1 if name == "motor" else 0.0
     shape = Shape("capsule", (0.0, place, 0.0, 0.1, place, 0.0), 0.04)
     return Body(name, Axis("slide", "1 0 0"), side, side.inertia, _SLIDING, shape=shape)
 
 
 def _pendulum(name: str, side: Side) -> Body:
-    """A body that hangs from its hinge, if gravity acts on it."""
+    """Return a body that turns, with its centre off the hinge if gravity acts on it."""
     torque, down = hypot(side.sine, side.cosine), -atan2(side.cosine, side.sine)
     lever = min(_GRAVITY * side.inertia / (2.0 * torque), _LONGEST_LEVER) if torque else 0.0
-    # Half of the inertia, or less, is the mass on its lever; the rest is about its own centre.
+    # Mass times lever squared is half of the inertia, or less; the rest is about the centre.
     mass = torque / (_GRAVITY * lever) if torque else side.inertia
     along, across = sin(down), -cos(down)
     return Body(
@@ -287,13 +287,13 @@ def _pendulum(name: str, side: Side) -> Body:
 
 def _scaled(unit: str, joint: JointType) -> str:
     return (
-        f"the input is in {unit}, so that no torque is known: the motor's inertia is set to "
-        f"1 {unit_of('kg m^2', joint)}, and all torques follow from that"
+        f"the input is in {unit}, so all torques are relative: the motor's inertia is set to "
+        f"1 {unit_of('kg m^2', joint)}"
     )
 
 
 def _side(values: dict[str, float], row: str, inertia: float) -> Side:
-    """What acts on one side alone, taken out of the coefficients."""
+    """Return one side, and remove its coefficients from `values`."""
     found = {what: values.pop(f"{row}_{what}", 0.0) for what in Side._fields[1:]}
     found["sine"] += values.pop(f"{row}1", 0.0)
     found["viscous"] += values.pop(f"{row}2", 0.0)
@@ -303,7 +303,7 @@ def _side(values: dict[str, float], row: str, inertia: float) -> Side:
 def _spring(
     values: dict[str, float], stiffness: float, motor_inertia: float, notes: list[str]
 ) -> Spring:
-    """What acts between link and motor, and is the same torque on both (`TIES`)."""
+    """Return the spring, and remove its coefficients from `values`."""
 
     def torque(name: str) -> float:
         values.pop(f"theta_{name}", None)
@@ -323,7 +323,7 @@ def _spring(
 
 
 def _left_out(values: Mapping[str, float]) -> list[str]:
-    """Terms that have no place in a scene."""
+    """Return a note on each term that the scene does not model."""
     lost = [c for c, value in values.items() if value]
     notes = []
     for name, term in (TERMS | SHAPE_TERMS).items():
@@ -331,8 +331,8 @@ def _left_out(values: Mapping[str, float]) -> list[str]:
         if own:
             shown = ", ".join(f"{c} = {v:.4g}" for c, v in own.items() if c not in TIES)
             notes.append(
-                f"{name} ({term.description}; {shown}) is left out: MuJoCo has nothing like it"
+                f"{name} ({term.description}; {shown}) is left out: MuJoCo does not model it"
             )
             lost = [c for c in lost if c not in own]
-    notes += [f"{c} = {values[c]:.4g} is left out: MuJoCo has nothing like it" for c in lost]
+    notes += [f"{c} = {values[c]:.4g} is left out: MuJoCo does not model it" for c in lost]
     return notes

@@ -1,4 +1,4 @@
-"""An identified arm as a MuJoCo scene, in the plane of x and z: links turn from x towards z."""
+"""Export of an arm to MuJoCo, in the plane of x and z: links turn from x towards z."""
 
 from collections.abc import Mapping
 from math import cos, sin
@@ -25,16 +25,16 @@ from flexid.exports.request import check_known, doubts_of, impossible
 from flexid.models.motion import FORCES
 from flexid.models.planar_arm import PlanarArm, carried_links, planar_arm
 
-_AXIS = Axis("hinge", "0 -1 0")  # about which x turns towards z
-_SLACKS = (2.0, 1.2, 1.02)  # mass over the least that a body of some moment and inertia has
+_AXIS = Axis("hinge", "0 -1 0")  # rotation from x towards z
+_SLACKS = (2.0, 1.2, 1.02)  # mass over the smallest mass for a moment and an inertia
 _HEADING = (
     "An arm that flexid identified. SI units; positions at the link's side of the gear.",
-    "A log shows base parameters alone: other masses with the same ones move alike.",
+    "Only base parameters are identified: other masses with equal ones move alike.",
 )
 
 
-# Of the masses a log shows base parameters alone, and all choices with these move alike: nearly the
-# least that a body can have are taken.
+# A log determines only base parameters. All masses with equal base parameters move alike. The scene
+# has almost the smallest possible ones.
 def write(result: ArmIdentification, directory: Path) -> tuple[str, ...]:
     """Write ``arm.xml``, the scene of an arm's estimate."""
     made = arm_scene(result)
@@ -43,19 +43,19 @@ def write(result: ArmIdentification, directory: Path) -> tuple[str, ...]:
 
 
 def arm_scene(result: ArmIdentification) -> Scene:
-    """Write an arm as a MuJoCo scene."""
+    """Return the MuJoCo scene of an arm."""
     arm, notes = result.arm, []
     values = {**result.fit.by_name, **result.fixed}
-    # What a joint that rests was taken for is no value of it.
+    # The assumed values of a joint that rests are not estimates.
     check_known({name: p.value for name, p in result.parameters.items() if name in values})
     if not {*FORCES} & {*result.input_units}:
         notes.append(
-            "no input is a torque or a force, so that no inertia is known: the torque constant of "
-            "joint 1 is set to 1, and all inertias follow from that"
+            "no input is a torque or a force, so all inertias are relative: the torque constant of "
+            "joint 1 is set to 1"
         )
     if result.input_delay < 0.0:
         notes.append(
-            f"input_delay = {result.input_delay:.4g} is left out: MuJoCo has nothing like it"
+            f"input_delay = {result.input_delay:.4g} is left out: MuJoCo does not model it"
         )
     joints = range(1, arm.joints + 1)
     rotors = {joint: _rotor(values, joint, notes) for joint in joints}
@@ -100,14 +100,14 @@ def _links(
     rotors: Mapping[int, float],
     sides: Mapping[int, Side],
 ) -> list[Body]:
-    """Bodies of the links that have the base parameters, beside rotors that they carry."""
+    """Return bodies of the links, so that links and rotors have the base parameters."""
     found: list[Body] = []
     for slack in _SLACKS:
         found = _bodies(arm, values, rotors, sides, slack)
         if len(found) == arm.joints:
             return found
     name = carried_links(planar_arm(arm), arm.joints - len(found))[0]
-    why = "less than what the links beyond it add to it, which no body has"
+    why = "less than the share of the links beyond it, which is impossible"
     raise impossible(name, f"{values[name]:g}", why)
 
 
@@ -118,9 +118,9 @@ def _bodies(
     sides: Mapping[int, Side],
     slack: float,
 ) -> list[Body]:
-    """Bodies from the last link on; up to the first that would have no inertia."""
+    """Return bodies up to the last link, without the first links if one has no inertia."""
     found: list[Body] = []
-    beyond = carried = 0.0  # mass that turns on a link, and inertia that slides on it
+    beyond = carried = 0.0  # mass of links that turn on this one, inertia of those that slide
     for joint in range(arm.joints, 0, -1):
         length = arm.lengths[joint - 1] if joint < arm.joints else 0.0
         turns = arm.types[joint - 1] == "revolute"
@@ -154,35 +154,35 @@ def _bodies(
 def _moments(
     arm: PlanarArm, values: Mapping[str, float], joint: int, beyond: float
 ) -> tuple[float, float]:
-    """Moments of a link's own mass; none where no motion shows them: its centre may be anywhere."""
+    """Return the moments of a link's own mass, or zeros if they do not affect the motion."""
     along, across = f"link_moment_along_{joint}", f"link_moment_across_{joint}"
-    felt = joint > 1 or arm.has_gravity  # of the first joint there are none if it slides
+    felt = joint > 1 or arm.has_gravity  # a first joint that slides has none
     return (values[along] - beyond, values[across]) if felt and along in values else (0.0, 0.0)
 
 
 def _axis(arm: PlanarArm, joint: int) -> Axis:
-    """How a link moves: it turns, or slides at an angle from the link before it."""
+    """Return a link's axis, a hinge or a slide at an angle from the link before it."""
     angle = arm.slides[joint - 1] if arm.slides else None
     return _AXIS if angle is None else Axis("slide", f"{cos(angle):.12g} 0 {sin(angle):.12g}")
 
 
 def _rotor(values: Mapping[str, float], joint: int, notes: list[str]) -> float:
-    """Inertia of a rotor's body that turns with the link before it."""
+    """Return the part of a rotor's inertia that turns with the link before it."""
     coupling, motor = values.get(f"rotor_coupling_{joint}", 0.0), values[f"motor_inertia_{joint}"]
     if motor <= 0.0:
-        why = "and every inertia is positive"
+        why = "but every inertia is positive"
         raise impossible(f"motor_inertia_{joint}", f"{motor:g}", why)
     coupling = possible(coupling, f"rotor_coupling_{joint}", notes, "rotor")
     if coupling > motor:
         notes.append(
-            f"rotor_coupling_{joint} is {coupling:.4g} and above the motor's inertia, which no "
-            f"gear makes it: {motor:.4g} is taken"
+            f"rotor_coupling_{joint} is {coupling:.4g}, above the motor's inertia, which no gear "
+            f"explains: {motor:.4g} is used"
         )
     return min(coupling, motor)
 
 
 def _side(values: Mapping[str, float], side: str, joint: int, notes: list[str]) -> Side:
-    """What brakes one side alone."""
+    """Return the friction, inertia and constant torque of one side."""
     names = {word: f"{side}_{word}_friction_{joint}" for word in ("viscous", "coulomb")}
     found = {word: possible(values[name], name, notes) for word, name in names.items()}
     inertia = values.get(f"{side}_inertia_{joint}", 0.0)  # a link that slides has a mass instead
@@ -192,11 +192,11 @@ def _side(values: Mapping[str, float], side: str, joint: int, notes: list[str]) 
 def _spring(values: Mapping[str, float], joint: int, notes: list[str]) -> Spring:
     stiffness, damping = (values[f"joint_{word}_{joint}"] for word in ("stiffness", "damping"))
     if stiffness <= 0.0:
-        why = "and every spring's is positive"
+        why = "but every stiffness is positive"
         raise impossible(f"joint_stiffness_{joint}", f"{stiffness:g}", why)
     damping = possible(damping, f"joint_damping_{joint}", notes, "tendon")
     cubic = values[f"cubic_joint_stiffness_{joint}"]
-    # Where the encoders agree, the tendon's torque is the offset.
+    # The tendon's torque is the offset when both encoders agree.
     roots = np.roots([cubic, 0.0, stiffness, -values[f"joint_offset_{joint}"]])
     rest = float(min(roots[np.isreal(roots)].real, key=abs))
     return Spring(stiffness, cubic=cubic, damping=damping, rest=rest)

@@ -1,4 +1,4 @@
-"""What is exported: a model with what is known of it, its online estimator, and the target."""
+"""Request for an export: a model with its values and its online estimator."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -31,35 +31,35 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ExportRequest:
-    """What is to be exported: a model with what is known of it, and its online estimator."""
+    """Model to export, with its values and its online estimator."""
 
-    system: ParametricSystem  # given coefficients are its constants, Coulomb friction is smoothed
-    values: Mapping[str, float] = field(default_factory=dict)  # of its coefficients, where known
-    # of coefficients, constants, inputs and states; empty where the model has none
+    system: ParametricSystem  # with known coefficients as constants and smooth friction
+    values: Mapping[str, float] = field(default_factory=dict)  # of its coefficients
+    # of coefficients, constants, inputs and states; empty for a model without units
     units: Mapping[str, str] = field(default_factory=dict)
     identification: "Identification | None" = None
     settings: "EstimatorSettings | None" = None  # of the online estimator
-    samples: "Samples | None" = None  # motion to test it with
+    samples: "Samples | None" = None  # log for its test vector
 
     @property
     def joint(self) -> JointType:
-        """How the joint moves."""
+        """Type of the joint."""
         return "revolute" if self.identification is None else self.identification.joint
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Warnings about the values, in sentences."""
+        """Warnings about undetermined values."""
         return () if self.identification is None else doubts_of(self.identification.coefficients)
 
 
 def doubts_of(values: Mapping[str, "ValueEstimate"]) -> tuple[str, ...]:
-    """A warning where some values are undetermined, in a sentence."""
+    """Return a warning if some values are undetermined."""
     guessed = [name for name, value in values.items() if value.verdict == "undetermined"]
     return (f"the estimate leaves {', '.join(guessed)} undetermined",) if guessed else ()
 
 
 def request_of_identification(result: "Identification") -> ExportRequest:
-    """The identified model with its kept terms and values; offsets are those of the first log."""
+    """Return a request for the identified model and its values, with the first log's offsets."""
     from flexid.identification.preparation.joint import joint_of
     from flexid.stored_estimates.structure import values_of
 
@@ -70,7 +70,7 @@ def request_of_identification(result: "Identification") -> ExportRequest:
         term = joint.of_coefficient(name) or name
         raise SettingError(
             term,
-            "remembers the path of the spring, which this export cannot: identify with --terms "
+            "depends on the spring's past, which this export does not model: identify with --terms "
             f"{','.join(t for t in choices.terms if t != term)}, and export that estimate",
         )
     given = {name: values[name] for name in sorted((result.given | SQUARES) & {*values})}
@@ -97,7 +97,7 @@ def request_of_identification(result: "Identification") -> ExportRequest:
 
 
 def check_known(values: Mapping[str, float]) -> None:
-    """Raise `SettingError` for the first that an estimate leaves without a value."""
+    """Raise `SettingError` for the first value that is not finite."""
     for name, value in values.items():
         if not isfinite(value):
             raise SettingError(
@@ -106,21 +106,21 @@ def check_known(values: Mapping[str, float]) -> None:
 
 
 def impossible(name: str, value: str, why: str) -> SettingError:
-    """The error of a value that no drive has."""
+    """Return the error for a value that is physically impossible."""
     return SettingError(
         name, f"is {value} in this estimate, {why}: identify a log that determines it"
     )
 
 
 def check_possible(result: "Identification") -> None:
-    """Raise `SettingError` for a spring or an inertia that is negative or zero."""
+    """Raise `SettingError` if a stiffness or an inertia is zero or negative."""
     for name, found in result.coefficients.items():
         if name in POSITIVE and found.value <= 0.0:
             value = f"{found.value:g} {found.unit}"
-            raise impossible(name, value, "and every spring and inertia makes it positive")
+            raise impossible(name, value, "but must be positive with any spring and inertia")
 
 
-_MEMORY = 60.0  # s; a drive runs for years, and sums in float do not grow for ever
+_MEMORY = 60.0  # s; keeps sums in float finite over years of samples
 
 
 @dataclass(frozen=True)
@@ -128,17 +128,17 @@ class EstimatorSettings:
     """Settings of an online estimator."""
 
     sample_time: float  # s
-    hold: "Hold" = "zero"  # the input between samples
-    filter_rate: float = 20.0  # 1/s, of the filter that positions pass
+    hold: "Hold" = "zero"  # of the input between samples
+    filter_rate: float = 20.0  # 1/s, of the filter of positions and inputs
     memory: float = _MEMORY  # s, after which a sample weighs 1/e as much
-    start: Mapping[str, float] = field(default_factory=dict)  # 0 where no value is given
+    start: Mapping[str, float] = field(default_factory=dict)  # 0 for coefficients left out
 
     def __post_init__(self) -> None:
         check_sample_time(self.sample_time)
         check_filter_rate(self.filter_rate, self.sample_time)
 
     def twin(self, system: ParametricSystem) -> "RecursiveLeastSquares":
-        """The same estimator in Python."""
+        """Return the equivalent estimator in Python."""
         from flexid.estimators.recursive_least_squares import recursive_least_squares
 
         return recursive_least_squares(
@@ -147,7 +147,7 @@ class EstimatorSettings:
 
     @property
     def summary(self) -> str:
-        """What is estimated from what, in a line."""
+        """One line on the method and the signals of the estimator."""
         memory = "" if self.memory == inf else f", memory {self.memory:g} s"
         return (
             f"Least-squares gain{memory}, from positions and inputs through a filter of "
@@ -179,5 +179,5 @@ def _templates() -> "Environment":
 
 
 def rendered(name: str, **values: object) -> str:
-    """A template such as ``"c99/drive.h"``, filled."""
+    """Render a template such as ``"c99/drive.h"``."""
     return _templates().get_template(name).render(values)

@@ -1,1 +1,1 @@
-"""Huang (2003) reproduced: Table I, the readings of its control law, and its claims."""
+"""Reproduction of Huang (2003): Table I, the readings of its control law, and its claims."""

@@ -1,4 +1,4 @@
-"""The reproduction of Huang (2003): all runs in order, and the claims of ``claims.toml``."""
+"""Reproduction of Huang (2003): all runs, and verdicts on the claims in ``claims.toml``."""
 
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
@@ -46,34 +46,34 @@ Verdict = Literal["holds", "does not hold", "depends on the reading"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One number that decides a claim for one subject."""
+    """Measured value that decides a claim for one subject."""
 
-    # what was looked at: a reading such as "1,2,3"; "any" where readings do not matter
+    # a reading such as "1,2,3", or "any" if the readings do not matter
     subject: str
-    quantity: str  # what was measured
-    value: float  # what came out
-    relation: Relation  # how the value has to compare for the claim to hold
-    limit: float  # with what
-    unit: str = "1"  # unit of value and limit; dimensionless if left out
+    quantity: str  # name of the measured quantity
+    value: float  # measured value
+    relation: Relation  # of value to limit, if the claim holds
+    limit: float
+    unit: str = "1"  # of value and limit
 
     @property
     def holds(self) -> bool:
-        """Whether the claim holds for this subject; never for a value that is not a number."""
+        """Whether the claim holds for this subject; false for NaN."""
         return self.value <= self.limit if self.relation == "<=" else self.value >= self.limit
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement of the paper and what decides it."""
+    """Statement of the paper, and the findings that decide it."""
 
     key: str  # short name
-    source: str  # where the paper makes it
-    statement: str  # what it says, in our words
+    source: str  # section or equation of the paper
+    statement: str  # paraphrased
     findings: tuple[Finding, ...]  # one per subject
 
     @property
     def verdict(self) -> Verdict:
-        """Whether all findings, none, or only some bear the claim out."""
+        """Verdict from all findings."""
         outcomes = {finding.holds for finding in self.findings}
         if len(outcomes) > 1:
             return "depends on the reading"
@@ -83,7 +83,7 @@ class Claim:
 _LIMITS = {"weak condition": WEAK_CONDITION, "allowed rise": ALLOWED_RISE}
 
 Values = Mapping[str, float | tuple[float, str]]
-"""A quantity by subject; a word that belongs into its name may stand with it."""
+"""Values of a quantity by subject, with a word to insert into its name where it has one."""
 
 
 def decide_claims(
@@ -94,7 +94,7 @@ def decide_claims(
     cases: tuple[TheoremCase, ...],
     other_controller_error: float,
 ) -> tuple[Claim, ...]:
-    """Decide every claim."""
+    """Return all claims with their findings."""
     values = {
         **_of_the_design(runs["1,1,3"]),
         **_of_the_theorem(runs, cases),
@@ -103,13 +103,13 @@ def decide_claims(
         "any controller": [{"PD": other_controller_error}],
     }
     text = (files("flexid.studies") / "claims.toml").read_text(encoding="utf-8")
-    return tuple(_claim(key, said, values[key]) for key, said in tomllib.loads(text).items())
+    return tuple(_claim(key, table, values[key]) for key, table in tomllib.loads(text).items())
 
 
-def _claim(key: str, said: Mapping[str, Any], values: Sequence[Values]) -> Claim:
-    """A claim as the table has it, with what was measured."""
+def _claim(key: str, table: Mapping[str, Any], values: Sequence[Values]) -> Claim:
+    """Return a claim from its table and the measured values."""
     findings: list[Finding] = []
-    for measured, by_subject in zip(said["measured"], values, strict=True):
+    for measured, by_subject in zip(table["measured"], values, strict=True):
         relation: Relation = "<=" if "at_most" in measured else ">="
         stated = measured["at_most" if relation == "<=" else "at_least"]
         limit = _LIMITS[stated] if isinstance(stated, str) else stated
@@ -118,11 +118,11 @@ def _claim(key: str, said: Mapping[str, Any], values: Sequence[Values]) -> Claim
             value, word = found if isinstance(found, tuple) else (found, "")
             quantity = measured["quantity"].format(word)
             findings.append(Finding(subject, quantity, value, relation, limit, unit))
-    return Claim(key, said["source"], said["statement"], tuple(findings))
+    return Claim(key, table["source"], table["statement"], tuple(findings))
 
 
 def _of_the_design(best: SteadyRun) -> dict[str, list[Values]]:
-    """Accelerations, eq. (7), and physical parameters."""
+    """Return values for the claims on accelerations, eq. (7) and physical parameters."""
     estimates = {**TRUE, **best.estimates}
     return {
         "no acceleration": [{"any": _accelerations_needed()}],
@@ -135,7 +135,7 @@ def _of_the_design(best: SteadyRun) -> dict[str, list[Values]]:
 
 
 def _accelerations_needed() -> int:
-    """Number of signals beyond states and input that the derived observer asks for."""
+    """Return the number of signals that the observer needs besides states and input."""
     from flexid.paper.observer import derive_observer
 
     try:
@@ -145,7 +145,7 @@ def _accelerations_needed() -> int:
 
 
 def _different_rates() -> int:
-    """Number of coefficients whose error rate, derived again, differs from eq. (7)."""
+    """Return the number of coefficients whose derived error rate differs from eq. (7)."""
     from flexid.paper.observer import derive_observer, error_dynamics
 
     observer = derive_observer(table1_loop((1, 2, 3)).system)
@@ -161,7 +161,7 @@ def _different_rates() -> int:
 
 
 def _physical_error(coefficients: Mapping[str, float]) -> float:
-    """Largest relative error of the physical parameters that follow from coefficients."""
+    """Return the largest relative error of physical parameters computed from coefficients."""
     found = {
         p.name: p.value(coefficients)
         for p in physical_parameters((*UNKNOWN, "beta1"), input_is_torque=True)
@@ -172,7 +172,7 @@ def _physical_error(coefficients: Mapping[str, float]) -> float:
 def _of_the_theorem(
     runs: Mapping[str, SteadyRun], cases: tuple[TheoremCase, ...]
 ) -> dict[str, list[Values]]:
-    """Theorem 1, its proof, and its condition (A4)."""
+    """Return values for the claims on Theorem 1, its proof and its condition (A4)."""
     excited, standstill, small = cases
     v = {name: run.monitor.value for name, run in runs.items()}
 
@@ -193,7 +193,7 @@ def _of_the_theorem(
 
 
 def _late_rate(case: TheoremCase) -> float:
-    """The largest rate that is left, over the largest first error."""
+    """Return the largest error rate at the end, over the largest first error."""
     initial = max(abs(limit.first) for limit in case.limits)
     return max(limit.largest_rate for limit in case.limits) / initial
 
@@ -203,7 +203,7 @@ def _of_the_controller(
     attenuation: Mapping[str, list[AttenuationPoint]],
     peak_torques: Mapping[float, float],
 ) -> dict[str, list[Values]]:
-    """The control law, and what its factor k costs; errors are those of 20 to 30 s."""
+    """Return values for the claims on the control law; errors are from 20 to 30 s."""
     points = attenuation["1,2,3"]
     errors = {point.k: point.max_tracking_error for point in points}
     slope = np.polyfit(np.log([*errors]), np.log([*errors.values()]), 1)[0]
@@ -222,7 +222,7 @@ def _of_the_controller(
 def _of_the_results(
     runs: Mapping[str, SteadyRun], attenuation: Mapping[str, list[AttenuationPoint]]
 ) -> dict[str, list[Values]]:
-    """Errors of the estimates at 30 s, the worst of all; and what k changes of them."""
+    """Return values for the claims on the estimates at 30 s, and how they depend on k."""
     errors = {name: run.relative_errors for name, run in runs.items()}
     worst = {name: max(each, key=each.__getitem__) for name, each in errors.items()}
     spreads = {
@@ -238,23 +238,23 @@ def _of_the_results(
 
 _T = TypeVar("_T")
 
-# The ringing of (1,1,3) costs steps in proportion to k: above 400 a million and more.
+# Largest k by reading. The ringing of (1,1,3) takes steps in proportion to k: a million at 400.
 _SWEEPS: dict[Exponents, float] = {(1, 2, 3): EARLIER_ATTENUATION, (1, 1, 3): 100.0}
 
 
 @dataclass(frozen=True, eq=False)
 class Reproduction:
-    """Huang (2003) reproduced."""
+    """Results of the reproduction of Huang (2003)."""
 
-    readings: dict[str, Reading]  # the four readings of the feedback gains by name
+    readings: dict[str, Reading]  # of the feedback gains, by name
     # tracking and parameter errors over k, by reading
     attenuation: dict[str, list[AttenuationPoint]]
     cases: tuple[TheoremCase, ...]  # Theorem 1 in three cases
-    claims: tuple[Claim, ...]  # the paper's claims, decided
+    claims: tuple[Claim, ...]  # the paper's claims with verdicts
 
     @property
     def runs(self) -> dict[str, SteadyRun]:
-        """Runs of the readings that were simulated over 30 s, by name."""
+        """Runs over 30 s by the name of their reading."""
         return simulated_runs(self.readings)
 
 
@@ -284,7 +284,7 @@ def reproduce(finished: Callable[[str], None]) -> Reproduction:
 
 
 def error_under_pd() -> float:
-    """Worst relative error of the estimates at 30 s if a PD law follows Table I's reference."""
+    """Return the worst relative error of the estimates at 30 s under a PD law."""
     loop = replace(table1_loop((1, 2, 3)), controller=pd_gravity())
     run = simulate(loop, DURATION, 0.01, 1e-8)
     return max(abs(error) / TRUE[name] for name, error in run.final_errors().items())

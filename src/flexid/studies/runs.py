@@ -1,4 +1,4 @@
-"""The runs of the study of Huang (2003): Table I, readings, a sweep, Theorem 1 in three cases."""
+"""Simulations of Huang (2003): Table I, readings of (11), a sweep of k, cases of Theorem 1."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ PHYSICAL = {
 }
 AMPLITUDE, FREQUENCY = 3.0, 5.0  # of the reference A sin ωt
 ATTENUATION = 50.0  # k
-EARLIER_ATTENUATION = 1000.0  # k of the work that the paper takes its control law from
+EARLIER_ATTENUATION = 1000.0  # k in the paper's source of the control law
 OBSERVER_GAIN = 1.0  # c1 = c2
 INITIAL_ESTIMATES = {"theta1": 2.5, "theta2": 50.0, "alpha1": 166.7, "alpha2": 0.167}
 DURATION = 30.0  # s, of the runs in Figures 1 to 5
@@ -41,7 +41,7 @@ UNKNOWN = tuple(INITIAL_ESTIMATES)  # the coefficients that the observer estimat
 
 
 def sine(amplitude: float, offset: float = 0.0) -> Multisine:
-    """The reference offset + amplitude sin ωt; with amplitude 0 it stands still."""
+    """Return the reference offset + amplitude sin ωt, which is constant for amplitude 0."""
     return Multisine((amplitude,), (FREQUENCY,), offset=offset)
 
 
@@ -53,7 +53,7 @@ def table1_loop(
     initial_state: Sequence[float] = (),
     physical: Mapping[str, float] = PHYSICAL,
 ) -> ClosedLoop:
-    """Build the closed loop of the paper's simulation."""
+    """Return the closed loop of the paper's simulation."""
     true = joint_coefficients(physical)
     return ClosedLoop(
         flexible_joint(known={"beta1": true["beta1"]}),
@@ -66,9 +66,9 @@ def table1_loop(
     )
 
 
-TOLERANCE = 1e-8  # relative, of every run; parameter errors at 30 s then have 7 digits or more
-STEADY_FROM = 20.0  # s, from which the motion counts as its steady state
-HALF_PERIOD = np.pi / FREQUENCY  # s, after which r rᵀ repeats, r being odd in the reference
+TOLERANCE = 1e-8  # relative, of every run; gives parameter errors at 30 s 7 digits or more
+STEADY_FROM = 20.0  # s, beginning of the steady state
+HALF_PERIOD = np.pi / FREQUENCY  # s, period of r rᵀ, since r is odd in the reference
 
 MEANINGS: dict[Exponents, str] = {
     (1, 1, 0): "literal: k³ cancels",
@@ -76,24 +76,24 @@ MEANINGS: dict[Exponents, str] = {
     (1, 1, 3): "smallest edit of the print",
     (1, 2, 3): "inner loops k times faster",
 }
-# The loop of these stays bounded long enough for Figures 1 to 5.
+# Readings whose loop stays bounded long enough for Figures 1 to 5.
 SIMULATED: tuple[Exponents, ...] = ((1, 2, 3), (1, 1, 3))
 
 _SAMPLE_TIME = 1e-3
 _TRANSIENT = 0.02  # s; the largest velocities and torques occur within the first milliseconds
 _TRANSIENT_SAMPLE_TIME = 1e-6
-_EARLY = 0.3  # s; later an unstable reading leaves what an integrator can follow
+_EARLY = 0.3  # s; later an unstable reading diverges beyond any integrator
 _SETTLING = 5.0  # s, four periods of the reference
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyRun:
-    """A reading simulated with Table I over 30 s."""
+    """Simulation of a reading with Table I over 30 s, and its measures."""
 
     run: Run  # sampled at 1 kHz
     monitor: LyapunovMonitor  # Theorem 1 along it; limits over the last 5 s
     excitation: dict[str, Excitation]  # (A4) of each row over the last 10 s
-    peak_torque: float  # largest |u| in N m; the first instants are resolved
+    peak_torque: float  # largest |u| in N m, with a resolved initial transient
     peak_motor_velocity: float  # largest |x4| in rad/s, likewise
 
     @property
@@ -103,12 +103,12 @@ class SteadyRun:
 
     @property
     def relative_errors(self) -> dict[str, float]:
-        """Magnitudes of the errors at the end, in shares of the true values."""
+        """Magnitudes of the errors at the end over the true values."""
         return {name: abs(error) / TRUE[name] for name, error in self.parameter_errors.items()}
 
     @property
     def max_tracking_error(self) -> float:
-        """Largest |x1 - qd| of the steady state, in rad."""
+        """Largest |x1 - qd| in the steady state, in rad."""
         return self.run.largest_tracking_error(STEADY_FROM, DURATION)
 
     @property
@@ -119,39 +119,39 @@ class SteadyRun:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """One reading of the feedback gains."""
+    """One interpretation of the feedback gains printed in (11)."""
 
     exponents: Exponents  # powers of k in the three gains
-    meaning: str  # how it comes about
+    meaning: str  # description
     # (4,), poles in 1/s of the loop linearised about rest at qd = 0, rightmost first
     poles: NDArray[np.complex128]
     early_tracking_error: float  # largest |x1 - qd| of Table I in rad within the first 0.3 s
-    simulated: SteadyRun | None  # its run with Table I over 30 s, where there is one
+    simulated: SteadyRun | None  # run with Table I over 30 s, if any
 
     @property
     def name(self) -> str:
-        """The exponents as text, for example ``"1,2,3"``."""
+        """Exponents as text, for example ``"1,2,3"``."""
         return reading_name(self.exponents)
 
     @property
     def rightmost(self) -> complex:
-        """The pole with the largest real part, in 1/s; of a pair the upper one."""
+        """Pole with the largest real part, in 1/s; of a complex pair the upper one."""
         return complex(self.poles[0])
 
 
 def reading_name(exponents: Exponents) -> str:
-    """Text of a reading, for example ``"1,2,3"``."""
+    """Return the text for a reading, for example ``"1,2,3"``."""
     return ",".join(map(str, exponents))
 
 
 def simulated_runs(readings: Mapping[str, Reading]) -> dict[str, SteadyRun]:
-    """Runs of those readings that were simulated over 30 s, by name, (1,2,3) first."""
+    """Return the runs over 30 s by the name of their reading, (1,2,3) first."""
     chosen = (readings[reading_name(exponents)] for exponents in SIMULATED)
     return {reading.name: reading.simulated for reading in chosen if reading.simulated}
 
 
 def study_reading(exponents: Exponents) -> Reading:
-    """Find the poles of a reading, and simulate it if it is one of `SIMULATED`."""
+    """Compute the poles of a reading, and simulate it over 30 s if it is one of `SIMULATED`."""
     early = simulate(table1_loop(exponents), _EARLY, _SAMPLE_TIME, TOLERANCE)
     return Reading(
         exponents,
@@ -163,21 +163,21 @@ def study_reading(exponents: Exponents) -> Reading:
 
 
 def closed_loop_poles(exponents: Exponents, k: float = ATTENUATION) -> NDArray[np.complex128]:
-    """Poles of the closed loop, linearised about rest at qd = 0."""
+    """Return the poles of the closed loop, linearised about rest at qd = 0."""
     loop = table1_loop(exponents, k, reference=sine(0.0))
     kernel = loop_kernel(loop.declaration)
     z = np.zeros(kernel.SIZE)  # rest at qd = 0 is the origin of the law's error coordinates
     rates, slope = np.empty(kernel.SIZE), np.empty(kernel.SIZE)
     jacobian = np.zeros((kernel.SIZE, kernel.SIZE))
     kernel.rates_and_jacobian(0.0, z, loop.parameters, rates, jacobian, slope)
-    # The parameter errors do not act back on the motion, so its block stands alone.
+    # The parameter errors do not affect the motion, so the poles are those of its block.
     states = kernel.N_STATES
     poles = np.linalg.eigvals(jacobian[:states, :states])
     return np.array(sorted(map(complex, poles), key=lambda pole: (-pole.real, -pole.imag)))
 
 
 def simulate_reading(exponents: Exponents) -> SteadyRun:
-    """Simulate Table I under a reading and look at the run."""
+    """Simulate Table I with a reading and compute the measures of the run."""
     loop = table1_loop(exponents)
     run = simulate(loop, DURATION, _SAMPLE_TIME, TOLERANCE)
     first = simulate(loop, _TRANSIENT, _TRANSIENT_SAMPLE_TIME, TOLERANCE)
@@ -196,14 +196,14 @@ def _largest(*signals: NDArray[np.float64]) -> float:
 
 
 ATTENUATIONS = (15.0, 25.0, 50.0, 100.0, 200.0, 500.0, 1000.0)  # k in 1/s
-_SWEEP_TOLERANCE = 1e-6  # relative tolerance of the sweeps, whose numbers need three digits
+_SWEEP_TOLERANCE = 1e-6  # relative; the sweeps need three digits
 
-_FLOOR = 1e-8  # of the first parameter error; below it the integrator's error may show
+_FLOOR = 1e-8  # over the first parameter error; below it integration errors matter
 
 
 @dataclass(frozen=True)
 class AttenuationPoint:
-    """One reading at one attenuation factor."""
+    """Simulation of a reading with one attenuation factor."""
 
     k: float  # in 1/s
     max_tracking_error: float  # largest |x1 - qd| over 20 to 30 s, in rad
@@ -212,7 +212,7 @@ class AttenuationPoint:
 
     @property
     def largest_relative_error(self) -> float:
-        """Largest error of an estimate at 30 s, as a share of the true value."""
+        """Largest error of an estimate at 30 s, over the true value."""
         return max(abs(self.parameter_errors[name]) / TRUE[name] for name in UNKNOWN)
 
 
@@ -228,14 +228,14 @@ def attenuation_point(exponents: Exponents, k: float) -> AttenuationPoint:
 
 
 def peak_torque(exponents: Exponents, k: float) -> float:
-    """Largest |u| in N m under Table I with another attenuation factor, in the first instants."""
+    """Return the largest |u| in N m with an attenuation factor, from the first 0.02 s."""
     loop = table1_loop(exponents, k)
     run = simulate(loop, 0.02, 1e-3 / k, TOLERANCE)
     return float(np.abs(run.inputs).max())
 
 
 def steady_condition(amplitude: float = AMPLITUDE) -> float:
-    """Condition number of the Gram matrix of f along a sinusoid that is tracked exactly."""
+    """Return the condition number of f's Gram matrix along an exactly tracked sinusoid."""
     time = np.linspace(0.0, 2 * HALF_PERIOD, 4000, endpoint=False)
     reference = sine(amplitude)
     position, acceleration = reference.evaluate(time), reference.evaluate(time, 2)
@@ -244,20 +244,20 @@ def steady_condition(amplitude: float = AMPLITUDE) -> float:
     return excitation("link", UNKNOWN[:2], f).condition_number
 
 
-_SMALL_AMPLITUDE = 0.1  # amplitude in rad at which one sinusoid leaves f nearly dependent
+_SMALL_AMPLITUDE = 0.1  # rad: amplitude at which the functions in f are nearly dependent
 
 _STANDSTILL = 1.0  # constant reference in rad
 
 
 @dataclass(frozen=True, eq=False)
 class TheoremCase:
-    """One run that shows one case of the theorem."""
+    """Run that demonstrates one case of Theorem 1."""
 
     name: str
-    reference: str  # in words
+    reference: str  # as text
     duration: float  # length of the run in s
-    judged: tuple[str, ...]  # rows whose excitation the reference was chosen for
-    monitor: LyapunovMonitor  # V, and the limits of the errors over the last twentieth of the run
+    judged: tuple[str, ...]  # rows to which the case applies
+    monitor: LyapunovMonitor  # V, and limits of the errors in the last 5 % of the run
     excitation: dict[str, Excitation]  # (A4) by row, over the last half of the run
     decay_rates: dict[str, float]  # by row, of the errors in 1/s
 
@@ -274,12 +274,12 @@ class TheoremCase:
 
     @property
     def vanished(self) -> bool:
-        """Whether all judged errors are gone."""
+        """Whether all judged errors have vanished."""
         return all(limit.vanished for limit in self.limits)
 
     @property
     def remaining(self) -> float:
-        """The largest error that is left, over the first one."""
+        """Largest ratio of the last to the first error."""
         return max(abs(limit.last / limit.first) for limit in self.limits)
 
     @property
@@ -288,16 +288,16 @@ class TheoremCase:
         return max(self.excitation[row].condition_number for row in self.judged)
 
 
-# Where (A4) fails, errors must settle on the part of p̃(0) orthogonal to the regressors.
+# If (A4) fails, errors must settle at the part of p̃(0) that is orthogonal to the regressors.
 CASES = (
-    # Table I, run ten times as long as in the paper: all errors vanish
+    # Table I, ten times as long as in the paper: all errors vanish
     ("(A4) holds", AMPLITUDE, 0.0, 300.0, ("link", "motor")),
-    # Every regressor is constant, so each row keeps one unseen direction
+    # Every regressor is constant, so the error of each row keeps one direction
     ("(A4) fails: standstill", 0.0, _STANDSTILL, 6000.0, ("link", "motor")),
-    # sin x1 and x1 - x3 are proportional but for terms in x1³
+    # sin x1 and x1 - x3 are proportional except for terms in x1³
     ("(A4) nearly fails", _SMALL_AMPLITUDE, 0.0, 1500.0, ("link",)),
 )
-"""The cases, in the order of the theorem: name, sinusoid about an offset, duration, judged rows."""
+"""Cases in the order of the theorem: name, amplitude and offset, duration, judged rows."""
 
 
 def theorem_case(
@@ -305,8 +305,8 @@ def theorem_case(
 ) -> TheoremCase:
     """Run one of `CASES`."""
     reference = f"{amplitude:g} sin {FREQUENCY:g}t rad" if amplitude else f"{offset:g} rad"
-    # Where nothing moves, the motor starts where the spring holds the link against gravity, so
-    # that no transient teaches the observer anything.
+    # At standstill the run starts in the equilibrium of spring and gravity, so that no transient
+    # excites the observer.
     held = offset + TRUE["theta1"] / TRUE["theta2"] * np.sin(offset)
     loop = table1_loop(
         (1, 2, 3), reference=sine(amplitude, offset), initial_state=(offset, 0.0, held, 0.0)

@@ -2,7 +2,7 @@
  *
  *     cc -std=c99 -O2 [-DFLEXID_FLOAT] example_main.c flexid_drive.c -lm && ./a.out
  *
- * On a drive, flexid_step stands where SAMPLES is read here, in the interrupt that reads encoders.
+ * On a drive, call flexid_step in the interrupt that reads the encoders.
  */
 #include "flexid_drive.h"
 
@@ -11,13 +11,13 @@
 
 #include "test_vector.h"
 
-static flexid_state state; /* not on the stack: it outlives every function */
+static flexid_state state; /* static, because it is large and lives as long as the program */
 
-/* Differences of the estimates to those of Python. */
+/* Differences between the estimates and those of Python. */
 typedef struct {
-    double worst;       /* the one that comes closest to what is allowed, or exceeds it most, */
-    double allowed;     /* and what is allowed for it, both relative to SCALE */
-    unsigned too_large; /* how many are larger than allowed, or not finite */
+    double worst;       /* difference with the largest ratio to its allowed value, */
+    double allowed;     /* and this allowed value, both relative to SCALE */
+    unsigned too_large; /* number of differences that are too large or not finite */
 } differences;
 
 static void compare(const flexid_values *values, const double expected[], differences *sum)

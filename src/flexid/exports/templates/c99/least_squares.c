@@ -2,13 +2,13 @@
 /* ---- Least squares: A <- mu A + r r^T + (1 - mu) F, b <- mu b + r y + (1 - mu) F p,
  *      p <- p + (A + rho)^-1 (b - A p) -------------------------------------------------------- */
 
-/* A with its diagonal 1 + rho times as large, as L L^T. */
+/* Cholesky factor L of A, with the diagonal of A times 1 + rho. */
 typedef struct {
     flexid_real lower[FLEXID_TRIANGLE];
-    flexid_real inverse[FLEXID_WIDTH]; /* of L's diagonal; 0 where nothing is known */
+    flexid_real inverse[FLEXID_WIDTH]; /* of L's diagonal; 0 for a regressor that was always zero */
 } factors;
 
-/* sum <- mu sum + more, with what rounding takes kept for the next time (Kahan). */
+/* sum <- mu sum + more; the rounding error is added the next time (Kahan). */
 static void accumulate(flexid_total *total, flexid_real more)
 {
     const flexid_real change = (more - (FORGOTTEN * total->sum)) - total->lost;
@@ -28,7 +28,7 @@ static void add_equation(
             accumulate(&row->matrix[place], regressor[i] * regressor[k]);
             ++place;
         }
-        if (i < n) { /* F: never forgotten, drawn to where the estimate is */
+        if (i < n) { /* F: least information, which keeps the estimate */
             row->peak[i] = larger(row->peak[i], (FADING * row->matrix[place].sum) + square);
             kept = KEPT * row->peak[i];
         }
@@ -71,8 +71,8 @@ static void factorise(const flexid_row *row, uint32_t m, factors *f)
     }
 }
 
-/* p <- p + (A + rho)^-1 (b - A p), which is (A + rho)^-1 (b + rho p): the ridge holds directions
- * that the data leave open. Returns b^T p, what is explained. */
+/* p <- p + (A + rho)^-1 (b - A p), which is (A + rho)^-1 (b + rho p): the ridge keeps p along
+ * directions that the data do not determine. Returns b^T p, the explained part of y^2. */
 static flexid_real improve(flexid_row *row, uint32_t m, const factors *f)
 {
     flexid_real step[FLEXID_WIDTH];
@@ -99,7 +99,7 @@ static flexid_real improve(flexid_row *row, uint32_t m, const factors *f)
     return explained;
 }
 
-/* Whether the other regressors leave enough of regressor i's square, which is 1/((A^-1)[i][i]). */
+/* Whether enough of regressor i's square, 1/((A^-1)[i][i]), is independent of the others. */
 static bool is_clear(const flexid_row *row, uint32_t m, uint32_t i, const factors *f)
 {
     flexid_real column[FLEXID_WIDTH];
@@ -114,7 +114,7 @@ static bool is_clear(const flexid_row *row, uint32_t m, uint32_t i, const factor
     return (square > REAL(0.0)) && ((square * allowed) < REAL(1.0));
 }
 
-/* Look at one of a row's coefficients in each step, in turn: whether the data determine it. */
+/* Check whether the data determine a coefficient of a row; each step checks the next one. */
 static void look(flexid_row *row, uint32_t n, uint32_t m, const factors *f)
 {
     if (row->turn < (n - 1U)) {
@@ -130,14 +130,14 @@ static void look(flexid_row *row, uint32_t n, uint32_t m, const factors *f)
     }
 }
 
-/* Whether the data leave none of a row's coefficients open, and the row explains its left side. */
+/* Whether the data determine all coefficients of a row, and it explains its left-hand side. */
 static bool is_determined(const flexid_row *row, uint32_t n)
 {
     return (row->clear == (((uint32_t)1U << n) - 1U)) &&
            (row->explained > (LEAST_EXPLAINED * row->power));
 }
 
-/* Take in one equation of a row, and bring its estimates to where all of them are best met. */
+/* Add an equation to a row, and update the least-squares estimates of the row. */
 static void update_row(
     flexid_row *row, uint32_t n, uint32_t m, const flexid_real regressor[], flexid_real target,
     bool solve)
@@ -154,8 +154,8 @@ static void update_row(
 
 /* ---- Health and the step ------------------------------------------------------------------- */
 
-/* Whether a row's latest equations contradict what it has learnt: of a motion that is not much
- * smaller than usual, they leave more unexplained than a part of it, and than is usual. */
+/* Whether a row's latest equations contradict its estimates: their residuals exceed an absolute
+ * share and the usual share, and the motion is not much smaller than usual. */
 static bool is_contradicted(flexid_row *row, flexid_real target, flexid_real weight)
 {
     const flexid_real usual = larger(row->power - row->explained, REAL(0.0));
@@ -166,7 +166,7 @@ static bool is_contradicted(flexid_row *row, flexid_real target, flexid_real wei
            (row->recent_error > (allowed * row->recent_power));
 }
 
-/* Whether nothing has overflown: what is explained depends on all that was learnt. */
+/* Whether no sum has overflowed; `explained` depends on all sums. */
 static bool is_sound(const flexid_row *row)
 {
     return (row->power <= LARGEST_POWER) && (FABS(row->explained) <= LARGEST_POWER);
@@ -208,7 +208,7 @@ void flexid_init(flexid_state *state)
     forget_samples(state);
 }
 
-/* A sum has overflown, and nothing that rests on it can be believed. */
+/* Restart after an overflow of a sum, which makes the estimates invalid. */
 static flexid_health restarted(flexid_state *state)
 {
     flexid_init(state);
@@ -231,7 +231,7 @@ static flexid_health judged(flexid_state *state, bool determined, bool contradic
     return health;
 }
 
-/* All rows take in their equations; what that says of the estimation. */
+/* Add an equation to each row, and return the health. */
 static flexid_health update(flexid_state *state)
 {
     bool sound = true;
@@ -260,7 +260,7 @@ static flexid_health update(flexid_state *state)
 
 static flexid_health take_in(flexid_state *state, const flexid_real latest[])
 {
-    /* Converging while there is no equation yet since the beginning or a gap. */
+    /* Converging until the first equation after the start or a gap. */
     return next_equations(state, latest) ? update(state) : FLEXID_CONVERGING;
 }
 

@@ -1,7 +1,7 @@
 
 /* ---- Equations from positions ------------------------------------------------------------- */
 
-/* Restart the filter, as before the first sample. */
+/* Reset the filter to its state before the first sample. */
 static void forget_samples(flexid_state *state)
 {
     state->samples = 0U;
@@ -12,7 +12,7 @@ static void forget_samples(flexid_state *state)
     clear(state->twice, FLEXID_SIGNALS);
 }
 
-/* As if nothing had ever been sampled. */
+/* Clear all samples. */
 static void clear_samples(flexid_state *state)
 {
     for (uint32_t i = 0U; i < FLEXID_WINDOW; ++i) {
@@ -25,7 +25,7 @@ static void clear_samples(flexid_state *state)
     clear(state->end_before, FLEXID_SIGNALS);
 }
 
-/* The latest sample comes last, and the oldest is dropped. */
+/* Append the latest sample and drop the oldest. */
 static void shift_window(flexid_state *state, const flexid_real latest[])
 {
     for (uint32_t i = 0U; i < (FLEXID_WINDOW - 1U); ++i) {
@@ -56,7 +56,7 @@ static void middle_state(const flexid_state *state, flexid_real x[])
     }
 }
 %% else
-/* Coordinates at the middle of the window; velocities are not needed by themselves. */
+/* Coordinates at the middle of the window; no regressor needs velocities. */
 static void middle_state(const flexid_state *state, flexid_real x[])
 {
     for (uint32_t j = 0U; j < FLEXID_ROWS; ++j) {
@@ -78,7 +78,7 @@ static void signals_of(const flexid_state *state, flexid_real now[], flexid_real
     }
     sampled_parts(x, &state->window[input][FLEXID_ROWS], end);
 %% else
-    for (uint32_t i = 0U; i < FLEXID_SIGNALS; ++i) { /* inputs run on straight lines */
+    for (uint32_t i = 0U; i < FLEXID_SIGNALS; ++i) { /* inputs are interpolated linearly */
         end[i] = now[i];
     }
 %% endif
@@ -88,7 +88,7 @@ static void signals_of(const flexid_state *state, flexid_real now[], flexid_real
 static flexid_real triangle_mean(
     const flexid_state *state, uint32_t i, const flexid_real now[], const flexid_real end[])
 {
-    /* Which signals an input occurs in, so that its hold matters. */
+    /* Signals that contain a held input. */
     static const bool held[FLEXID_SIGNALS] = { {{- drive.functions.held | map("boolean") | join(", ") -}} };
     flexid_real mean;
     if (held[i]) {
@@ -124,8 +124,8 @@ static void both_sides(
     }
 }
 
-/* Take in one sample; return whether there are equations: regressors, then left-hand sides, in
- * state->twice. */
+/* Add a sample; return whether state->twice has new equations: regressors, then left-hand
+ * sides. */
 static bool next_equations(flexid_state *state, const flexid_real latest[])
 {
     flexid_real now[FLEXID_SIGNALS];
@@ -151,7 +151,7 @@ static bool next_equations(flexid_state *state, const flexid_real latest[])
     return there;
 }
 
-/* Take one unknown of the past out of the normal equations. */
+/* Eliminate an unknown of the filter's initial state from the normal equations. */
 static void eliminate(flexid_row *row, uint32_t n, uint32_t q)
 {
     const flexid_real pivot = row->matrix[at(q, q)].sum;
@@ -174,7 +174,7 @@ static void eliminate(flexid_row *row, uint32_t n, uint32_t q)
     }
 }
 
-/* What was before the first sample has decayed, or a gap comes: take it out of all rows. */
+/* Eliminate the filter's initial state from all rows, after it has decayed or before a gap. */
 static void forget_past(flexid_state *state)
 {
     for (uint32_t j = 0U; j < FLEXID_ROWS; ++j) {
@@ -201,7 +201,7 @@ static void after_equations(flexid_state *state)
 }
 
 {% include "c99/turns.c" %}
-/* Regressors of a row; while the filter remembers, two more unknowns: z^i and i z^i. */
+/* Regressors of a row, with z^i and i z^i until the filter's initial state has decayed. */
 static uint32_t regressors_of(
     const flexid_state *state, uint32_t j, flexid_real regressor[])
 {

@@ -4,4 +4,4 @@
 #define FLEXID_SAMPLE_SIZE {{ drive.sample_names | length }}U
 #define FLEXID_WIDTH {{ drive.counts | max + 2 }}U
 #define FLEXID_WINDOW {{ 2 * law.half_window + 3 }}U
-#define FLEXID_LARGEST ((flexid_real){{ largest }}) /* of a sample, in its unit */
+#define FLEXID_LARGEST ((flexid_real){{ largest }}) /* largest number in a sample, in its unit */

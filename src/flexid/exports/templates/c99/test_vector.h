@@ -1,4 +1,4 @@
-/* test_vector.h: samples, and what flexid in Python makes of them; generated. */
+/* test_vector.h: samples, and the estimates of flexid in Python from them; generated. */
 #ifndef TEST_VECTOR_H
 #define TEST_VECTOR_H
 
@@ -20,12 +20,12 @@ static const flexid_sample SAMPLES[N_SAMPLES] = {
 %% endfor
 };
 
-/* The largest size of each estimate, that differences are relative to. */
+/* Largest magnitude of each estimate, to which differences are relative. */
 static const double SCALE[FLEXID_COEFFICIENTS] = { {{- scale | join(", ") -}} };
 
-/* How much each may differ, relative to that. More than {{ "%g" % least.double }} and
- * {{ "%g" % least.float }} only for one that hangs on how the samples are rounded, as one does that is
- * next to zero. */
+/* Allowed difference of each estimate, relative to SCALE. It exceeds {{ "%g" % least.double }}
+ * (double) and {{ "%g" % least.float }} (float) only for an estimate that is sensitive to rounded
+ * samples, for example one near zero. */
 static const double ALLOWED[FLEXID_COEFFICIENTS] = {
 #if defined(FLEXID_FLOAT)
     {{ allowed.float | join(", ") }}

@@ -1,5 +1,5 @@
 %% if drive.system.rows | length == 1
-/* Whether a row is solved in this step: every one. */
+/* Whether a row is solved in this step; true for a single row. */
 static bool is_turn_of(const flexid_state *state, uint32_t j)
 {
     (void)state;
@@ -7,8 +7,8 @@ static bool is_turn_of(const flexid_state *state, uint32_t j)
     return true;
 }
 %% else
-/* Whether a row is solved in this step. While the filter remembers, there are two more unknowns;
- * in float the rows take turns then, so that no step takes much longer than another. */
+/* Whether a row is solved in this step. Until the filter's initial state has decayed, there are two
+ * more unknowns. In float the rows then take turns, so that no step takes much longer. */
 static bool is_turn_of(const flexid_state *state, uint32_t j)
 {
     bool turn = true;
