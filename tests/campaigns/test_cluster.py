@@ -120,7 +120,9 @@ def test_workers_of_another_version_are_refused(scheduler, experiment, tmp_path)
     worker = start_worker(scheduler, "other", code=OTHER_VERSION)
     try:
         wait_for_workers(scheduler, 1)
-        with pytest.raises(CampaignError, match=r"does not have flexid .*: install that version"):
+        with pytest.raises(
+            CampaignError, match=r"does not have flexid .*: install the same version"
+        ):
             run_campaign(experiment, tmp_path / "out", scheduler=scheduler)
     finally:
         worker.kill()
