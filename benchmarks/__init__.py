@@ -1,1 +1,1 @@
-"""Flexid beside other tools on the same jobs: ``python -m benchmarks``."""
+"""Benchmarks of flexid, also against other tools: ``python -m benchmarks``."""

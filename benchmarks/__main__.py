@@ -1,7 +1,7 @@
 """Run the benchmarks of speed: ``python -m benchmarks [NAME ...] [--quick]`` in a clone.
 
---quick leaves the slowest peers at one tolerance, repeats less and leaves `RESULTS.md` alone, as
-does a choice of some benchmarks by name.
+--quick runs the slowest peers with one tolerance and repeats less. With --quick, or with benchmarks
+chosen by name, `RESULTS.md` does not change.
 """
 
 import argparse

@@ -1,12 +1,11 @@
-"""Flexid and other tools identify the same logs: accuracy, intervals, time, lines of user code.
+"""Compare flexid with other tools on the same logs: accuracy, intervals, time, user code.
 
     python -m benchmarks.accuracy [--quick] [--render] [--log KIND] [TOOL ...]
 
-in the root of a clone. All results are kept in `accuracy.json`, and the tables of
-`docs/comparison.md` are made from it. Named tools are run again, on all logs or on those of the
-kinds given, and all other results kept; --render makes the tables again and runs nothing; --quick
-runs every tool once on every kind of log and leaves all files alone. A tool that is not installed
-is left out, and said so.
+in the root of a clone. All results are stored in `accuracy.json`, from which the tables of
+`docs/comparison.md` are made. If tools are named, only they run, on all logs or on the given kinds,
+and other results are kept. --render only makes the tables. --quick runs every tool once on every
+kind of log and changes no file. A tool that is not installed is left out, with a message.
 """
 
 import argparse
@@ -38,7 +37,7 @@ from benchmarks.peers.problem import Answer, Log
 from benchmarks.report import processor
 from benchmarks.timing import timed
 
-_STARTS = 3  # of the whole command, kernels compiled
+_STARTS = 3  # runs of the whole command after compilation
 
 
 def main() -> None:
@@ -60,7 +59,7 @@ def main() -> None:
         if options.quick:
             quick = merged(quick, results)
         else:
-            _keep(results)  # now, so that a run that is broken off keeps what it has
+            _keep(results)  # now, so that an interrupted run keeps its results
     if options.quick:
         Console().print(render(quick), markup=False)
     elif any(tool.key == "flexid_identify" for tool in tools):
@@ -68,7 +67,7 @@ def main() -> None:
 
 
 def _keep(results: Mapping[str, Any]) -> None:
-    """Merge into the file, as it is now, and make the page again."""
+    """Merge results into the current file, and rewrite the page."""
     kept = json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else {}
     together = merged(kept, results)
     RESULTS.write_text(_text(together), encoding="utf-8")
@@ -76,7 +75,7 @@ def _keep(results: Mapping[str, Any]) -> None:
 
 
 def merged(kept: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
-    """What was found, and of what was kept the tools and the kinds of log that it has not."""
+    """Return new results, and old ones of tools and kinds of log that are not among the new."""
     tools = dict(kept.get("tools", {}))
     for key, entry in found.get("tools", {}).items():
         fresh = {run["case"] for run in entry["runs"]}
@@ -98,18 +97,18 @@ def _installed(tools: Sequence[Tool]) -> list[Tool]:
 def measured(
     tools: Sequence[Tool], cases: Sequence[Case], most: int | None
 ) -> Iterator[dict[str, Any]]:
-    """Results of one kind of log after the other, the tools in turn on each log.
+    """Run all tools on each log, one kind of log after the other, and return the results.
 
     Parameters
     ----------
     tools : sequence of Tool
     cases : sequence of Case
     most : int or None
-        Logs of each kind, if fewer than the tool's own number are wanted.
+        Largest number of logs of each kind; by default the tool's own number.
     """
     for tool in tools:
         if not tool.slow:
-            _run(tool, CASES[-1].make(Path(), 0))  # compile, load, import: not timed
+            _run(tool, CASES[-1].make(Path(), 0))  # compilation and imports are not timed
     for case in cases:
         stamp = {
             "date": str(datetime.datetime.now(datetime.UTC).date()),
@@ -144,14 +143,14 @@ def _runs(tools: Sequence[Tool], case: Case, most: int | None) -> dict[str, list
 
 
 def _run(tool: Tool, log: Log) -> dict[str, Any]:
-    """One run: errors and widths in percent, or why there are none."""
+    """Run a tool once: return errors and widths in percent, or the reason for a failure."""
     identify = importlib.import_module(f"benchmarks.peers.{tool.module}").identify
     try:
         with warnings.catch_warnings(action="ignore"):
             busy = time.process_time()
             answer, seconds = timed(lambda: identify(log, **tool.arguments))
             busy = time.process_time() - busy
-    except Exception as reason:  # whatever a tool fails with is its result
+    except Exception as reason:  # any failure of a tool is a result
         return {"failed": f"{type(reason).__name__}: {reason}"}
     times = {"seconds": float(f"{seconds:.4g}"), "processor": float(f"{busy:.4g}")}
     return {**times, **_score(answer)}
@@ -171,7 +170,7 @@ def _score(answer: Answer) -> dict[str, Any]:
 
 
 def _command() -> dict[str, float]:
-    """Wall time in s of `flexid identify` as a process: nothing compiled yet, and later."""
+    """Return the wall time in s of the command `flexid identify`: before and after compilation."""
     command = [str(Path(sys.executable).with_name("flexid")), "identify", str(EXAMPLE), "--json"]
     with tempfile.TemporaryDirectory() as cache:
         environment = os.environ | {"XDG_CACHE_HOME": cache}
@@ -185,7 +184,7 @@ def _command() -> dict[str, float]:
 
 
 def _text(results: Mapping[str, Any]) -> str:
-    """JSON with a line for each run."""
+    """Return the results as JSON with a line for each run."""
     text = json.dumps(results, indent=1, ensure_ascii=False)
     return re.sub(r"\{[^{}]*\}", lambda found: " ".join(found[0].split()), text) + "\n"
 

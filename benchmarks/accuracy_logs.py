@@ -1,4 +1,4 @@
-"""The logs on which accuracy is compared, as files and as arrays."""
+"""Logs for the comparison of accuracy, as files and as arrays."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from flexid.arrays import FloatArray
 
 EXAMPLE = Path("examples/flexible_joint.csv")
 
-# Of examples/make_flexible_joint_log.py.
+# From examples/make_flexible_joint_log.py.
 _EXAMPLE_NOISE = 1e-4
 _EXAMPLE_COUNT = 2 * np.pi / 2**16
 
@@ -33,11 +33,11 @@ class Case:
     Parameters
     ----------
     name : str
-        In tables.
+        Name in tables.
     make : callable
-        Log of a seed, written to the given folder.
+        Function that writes the log of a seed into a folder.
     only : int or None
-        How many different logs there are; None where any seed gives another one.
+        Number of different logs; None if every seed gives another one.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Case:
 
 
 def noisy(scale: float, velocities: bool) -> Callable[[Path, int], Log]:
-    """White noise of `scale` times the usual size."""
+    """Return a maker of logs with `scale` times the usual white noise."""
 
     def make(folder: Path, seed: int) -> Log:
         time, states = clean_motion()
@@ -66,7 +66,7 @@ def noisy(scale: float, velocities: bool) -> Callable[[Path, int], Log]:
 
 
 def encoders(bits: int) -> Callable[[Path, int], Log]:
-    """Clean positions in whole counts of an encoder, from 0.1 s times the seed on."""
+    """Return clean positions in whole encoder counts, starting at 0.1 s times the seed."""
 
     def make(folder: Path, seed: int) -> Log:
         time, states = clean_motion()
@@ -78,7 +78,7 @@ def encoders(bits: int) -> Callable[[Path, int], Log]:
 
 
 def example(_: Path, __: int) -> Log:
-    """The example log, made by MuJoCo."""
+    """Return the example log, which was simulated with MuJoCo."""
     table = pl.read_csv(EXAMPLE)
     time, link, motor, applied = (table[:, place].to_numpy() for place in range(4))
     noise = float(np.hypot(_EXAMPLE_NOISE, _EXAMPLE_COUNT / np.sqrt(12.0)))

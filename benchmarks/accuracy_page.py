@@ -1,4 +1,4 @@
-"""`accuracy.json` as the tables of `docs/comparison.md`; needs none of the compared tools."""
+"""Render `accuracy.json` as the tables of `docs/comparison.md`, without the compared tools."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -13,21 +13,21 @@ RESULTS = Path(__file__).with_name("accuracy.json")
 PAGE = Path(__file__).parents[1] / "docs" / "comparison.md"
 
 BLOCK = "accuracy"
-_WIDTH = 98  # characters of a line of prose
+_WIDTH = 98  # characters of a line of text
 _CODE_BEGINS, _CODE_ENDS = "# user code begins", "# user code ends"
 
-_SAME_DATA = "encoders, noise × 1"  # where no tool sees more than another
+_SAME_DATA = "encoders, noise × 1"  # where all tools have the same data
 
 Run = Mapping[str, Any]
 
 
 def lines_of_user_code(source: Path) -> int:
-    """Lines between the two marks that are neither blank nor a comment.
+    """Count the lines between the two marks, without blank lines and comments.
 
     Raises
     ------
     ValueError
-        If the file does not have both marks once, in this order.
+        If the file does not contain both marks once, in this order.
     """
     lines = [line.strip() for line in source.read_text(encoding="utf-8").splitlines()]
     if lines.count(_CODE_BEGINS) != 1 or lines.count(_CODE_ENDS) != 1:
@@ -37,7 +37,7 @@ def lines_of_user_code(source: Path) -> int:
 
 
 def render(results: Mapping[str, Any]) -> str:
-    """All tables as Markdown."""
+    """Return all tables as Markdown."""
     tools = {tool.key: tool for tool in TOOLS if tool.key in results["tools"]}
     found = {key: results["tools"][key] for key in tools}
     cases = list(dict.fromkeys(run["case"] for entry in found.values() for run in entry["runs"]))
@@ -133,7 +133,7 @@ def _time(runs: Sequence[Run]) -> str:
 
 
 def _beside_casadi(found: Mapping[str, Any]) -> list[str]:
-    """What equal accuracy costs, on the logs where both tools see the same data."""
+    """Return the times that CasADi and flexid need for equal accuracy, with the same data."""
     runs = [_finished(found.get(key, {}).get("runs", [])) for key in ("flexid_10s", "casadi")]
     shared = sorted(runs[0].keys() & runs[1].keys())
     if not shared:

@@ -1,4 +1,4 @@
-"""Which tools are compared, on how many logs each, and what a reader has to know of them."""
+"""Compared tools, with their numbers of logs and notes for the reader."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,26 +9,26 @@ _FOLDER = Path(__file__).with_name("peers")
 
 @dataclass(frozen=True)
 class Tool:
-    """One line of the comparison.
+    """One tool of the comparison.
 
     Parameters
     ----------
     key : str
-        In `accuracy.json` and on the command line.
+        Name in `accuracy.json` and on the command line.
     title : str
-        In tables.
+        Name in tables.
     module : str
-        In `benchmarks/peers`.
+        Module in `benchmarks/peers`.
     package : str
-        What has to be installed.
+        Package that must be installed.
     seeds : int
-        Logs of each kind that it is run on.
+        Number of logs of each kind.
     given : str
-        What its user gives beside log and model.
+        Values that the user gives in addition to log and model.
     slow : bool
-        Not run once before for warming up.
+        Whether it is too slow for a warm-up run.
     arguments : mapping
-        Of its `identify`, beside the log.
+        Further arguments of its `identify`.
     """
 
     key: str

@@ -1,9 +1,9 @@
-"""Batch least squares on 30 000 samples beside NumPy's bare `lstsq`, in one process.
+"""Compare batch least squares on 30 000 samples with NumPy's bare `lstsq`, in one process.
 
     OPENBLAS_NUM_THREADS=1 python -m benchmarks.batch REPETITIONS
 
-prints the two timings as JSON. It is a program of its own because the number of OpenBLAS's threads
-is settled when NumPy is imported.
+prints the two timings as JSON. It is a separate program because OpenBLAS fixes its number of
+threads when NumPy is imported.
 """
 
 import json
@@ -22,7 +22,7 @@ _FILTER_RATE = 20.0  # 1/s
 
 
 def main(repetitions: int) -> None:
-    """Time flexid on the raw record, and `lstsq` on the regressors that come out of its filter."""
+    """Time flexid on the raw record, and `lstsq` on the filtered regressors."""
     record, system = joint_samples(_SEED), flexible_joint()
     signals = filtered_signals([record], system, _FILTER_RATE, "linear")
     ready = [

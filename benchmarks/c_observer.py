@@ -1,4 +1,4 @@
-"""The hand-written C of the sampled observer, compiled in several ways and called from Python."""
+"""Hand-written C of the sampled observer, compiled in several ways and called from Python."""
 
 import ctypes
 import subprocess
@@ -10,11 +10,11 @@ import numpy as np
 from flexid.arrays import FloatArray
 
 Replay = Callable[[], tuple[FloatArray, FloatArray]]
-"""Runs over all samples; returns estimates and innovations."""
+"""Function that processes all samples and returns estimates and innovations."""
 
 SOURCE = Path(__file__).with_name("observer.c")
 
-# -ffast-math is left out: it may reorder sums and would no longer be the same algorithm.
+# -ffast-math is left out: it may reorder sums, so the algorithm would not be the same.
 BUILDS = (
     ("-O2",),
     ("-O3",),
@@ -23,7 +23,7 @@ BUILDS = (
     ("-O3", "-march=native", "-fno-math-errno"),
     ("-O3", "-march=native", "-funroll-loops"),
 )
-"""Flags of gcc."""
+"""Sets of flags for gcc."""
 
 
 class _Estimate(ctypes.Structure):
@@ -43,9 +43,9 @@ def compile_replay(
     Parameters
     ----------
     flags : tuple of str
-        Of gcc.
+        Flags for gcc.
     folder : Path
-        Where the library is put.
+        Folder for the library.
     samples : (n, 5) array
         x1, x2, x3, x4, u, contiguous.
     step, beta1 : float
@@ -56,7 +56,7 @@ def compile_replay(
     Returns
     -------
     callable
-        Starts from zero estimates and fills new arrays at each call.
+        Function that starts from zero estimates and fills new arrays at each call.
     """
     library = folder / f"observer{'_'.join(flags)}.so"
     command = [

@@ -1,10 +1,9 @@
-"""`flexid campaign` with 10 000 runs: what all but the compiled runs costs.
+"""Overhead of `flexid campaign` with 10 000 runs, besides the compiled runs.
 
     python -m benchmarks.campaign EXPERIMENT DIR
 
-runs the command on a file, and prints as JSON the seconds that the processor spent in all, from the
-start of the process, and within the compiled integrator, in whatever thread. It is a process of its
-own because imports count.
+runs the command on a file and prints two processor times in s as JSON: of the whole process, and of
+the compiled integrator in all threads. It is a separate process so that imports count.
 """
 
 import json
@@ -28,12 +27,12 @@ _QUICK_RUNS = sized(500, 16)
 
 
 def run(quick: bool) -> Outcome:
-    """Run the campaign through the command, once.
+    """Run the campaign once with the command.
 
     Parameters
     ----------
     quick : bool
-        Fewer runs, of which the start of the process is a larger share; no goal.
+        Run fewer, so that the start of the process counts more, and check no goal.
     """
     runs = _QUICK_RUNS if quick else _RUNS
     with tempfile.TemporaryDirectory() as folder:
@@ -77,13 +76,13 @@ def _rest(spent: dict[str, float]) -> float:
 
 
 def main(path: str, out: str) -> None:
-    """Run the command in this process, and print what it spent."""
+    """Run the command in this process and print the processor times."""
     began = time.perf_counter()
     from flexid.cli.main import main as flexid
     from flexid.simulation import ensemble
 
     start: list[float] = []
-    compiled: list[float] = []  # one number per run, since threads may not add to the same one
+    compiled: list[float] = []  # one number per run, as adding up is not safe with threads
     ensemble.loop_kernel = _observed(ensemble.loop_kernel, start, compiled)
     sys.argv = ["flexid", "campaign", path, "--out", out]
     try:
@@ -99,7 +98,7 @@ def main(path: str, out: str) -> None:
 def _observed(
     load: Callable[..., ModuleType], begun: list[float], compiled: list[float]
 ) -> Callable[..., Any]:
-    """Return the loader of a kernel whose integrator notes the processor's time of its thread."""
+    """Return a kernel loader whose integrators record the processor time of their thread."""
     observed: dict[int, ModuleType] = {}
 
     def loader(*arguments: Any, **options: Any) -> ModuleType:

@@ -1,9 +1,9 @@
-"""The paper's closed loop, 30 s, at equal final accuracy: flexid, SciPy's Radau, CasADi's CVODES.
+"""The paper's closed loop over 30 s at equal accuracy: flexid, SciPy's Radau, CasADi's CVODES.
 
 Every peer starts from a loose tolerance and tightens it until all four parameter errors at 30 s
-agree with an independent reference; that is the tolerance at which it is timed. A solver that does
-not get there is timed where it came closest, and the result says so. flexid starts from its
-default tolerance, the one that a user gets who sets none.
+agree with an independent reference, and is timed at that tolerance. A solver that does not reach
+the accuracy is timed at its most accurate tolerance, and the result says so. flexid starts from its
+default tolerance.
 """
 
 import json
@@ -22,7 +22,7 @@ from flexid.simulation.closed_loop import simulate
 from flexid.studies.runs import Exponents, table1_loop
 
 ACCURACY = 1e-5
-"""Wanted of every parameter error at 30 s, relative to its value, or to 1e-3 where smaller."""
+"""Required accuracy of each parameter error at 30 s, relative to its value, at least 1e-3."""
 
 REFERENCE = Path("tests/simulation/reference/table_1.json")
 
@@ -33,8 +33,8 @@ _COARSE = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
 
 
 @dataclass(frozen=True)
-class Rung:
-    """One tolerance that was tried: accuracy and wall time of a single run."""
+class Attempt:
+    """Accuracy and wall time of a single run with one tolerance."""
 
     tolerance: float
     accuracy: float
@@ -43,23 +43,23 @@ class Rung:
 
 
 @dataclass(frozen=True)
-class Climb:
-    """A solver on its way to the wanted accuracy."""
+class Search:
+    """Runs of a solver with ever tighter tolerances."""
 
     name: str
     exponents: Exponents
     make: Callable[[float], Solver]
-    rungs: list[Rung]
+    attempts: list[Attempt]
 
     @property
-    def best(self) -> Rung:
-        """Where it is timed: the first rung that is accurate enough, or the most accurate one."""
-        enough = [rung for rung in self.rungs if rung.accuracy <= ACCURACY]
-        return enough[0] if enough else min(self.rungs, key=lambda rung: rung.accuracy)
+    def best(self) -> Attempt:
+        """Run for the timing: the first that is accurate enough, or the most accurate one."""
+        enough = [attempt for attempt in self.attempts if attempt.accuracy <= ACCURACY]
+        return enough[0] if enough else min(self.attempts, key=lambda attempt: attempt.accuracy)
 
     @property
     def label(self) -> str:
-        """Name, tolerance and accuracy."""
+        """Name of the solver with tolerance and accuracy."""
         settings = f"rtol {self.best.tolerance:.0e}, accuracy {self.best.accuracy:.1e}"
         if self.best.accuracy <= ACCURACY:
             return f"{self.name}, {settings}"
@@ -72,26 +72,26 @@ def run(quick: bool) -> Outcome:
     Parameters
     ----------
     quick : bool
-        Leave the solvers in plain coordinates at one tolerance: minutes become seconds.
+        Run solvers in plain coordinates with one tolerance, which saves minutes.
     """
     high, low = (1, 2, 3), (1, 1, 3)
-    own = climb("flexid", high, lambda t: flexid(high, t), _COARSE)
-    own_low = climb("flexid", low, lambda t: flexid(low, t), _COARSE)
+    own = tighten("flexid", high, lambda t: flexid(high, t), _COARSE)
+    own_low = tighten("flexid", low, lambda t: flexid(low, t), _COARSE)
     coarse = sized(_COARSE[:1], (1e-3,)) if quick else _COARSE
-    slow = [(climb("SciPy Radau, plain", high, lambda t: radau(high, True, t), coarse), 3000)]
+    slow = [(tighten("SciPy Radau, plain", high, lambda t: radau(high, True, t), coarse), 3000)]
     error = "error coordinates"
-    fast = [(own, climb(f"SciPy Radau, {error}", high, lambda t: radau(high, False, t), _FINE))]
+    fast = [(own, tighten(f"SciPy Radau, {error}", high, lambda t: radau(high, False, t), _FINE))]
     if find_spec("casadi"):
-        slow.append((climb("CVODES, plain", high, lambda t: cvodes(high, True, t), coarse), 100))
+        slow.append((tighten("CVODES, plain", high, lambda t: cvodes(high, True, t), coarse), 100))
         as_c = f"CVODES, {error}, as C"
         fast += [
-            (own, climb(f"CVODES, {error}", high, lambda t: cvodes(high, False, t), _FINE)),
-            (own, climb(as_c, high, lambda t: cvodes(high, False, t, True), _FINE)),
-            (own_low, climb(f"CVODES, {error}", low, lambda t: cvodes(low, False, t), _FINE)),
+            (own, tighten(f"CVODES, {error}", high, lambda t: cvodes(high, False, t), _FINE)),
+            (own, tighten(as_c, high, lambda t: cvodes(high, False, t, True), _FINE)),
+            (own_low, tighten(f"CVODES, {error}", low, lambda t: cvodes(low, False, t), _FINE)),
         ]
-    # One round of everything fast, so that all meet the same machine.
+    # All fast solvers run in the same rounds, so that the machine's load is the same.
     timed_together = [own, own_low, *(peer for _, peer in fast)]
-    jobs = [climber.make(climber.best.tolerance) for climber in timed_together]
+    jobs = [search.make(search.best.tolerance) for search in timed_together]
 
     def sampled() -> object:
         return simulate(table1_loop(high), DURATION, 1e-3, own.best.tolerance)
@@ -114,41 +114,41 @@ def run(quick: bool) -> Outcome:
             side[id(own)],
         ),
     ]
-    climbs = [own, *(peer for peer, _ in slow), *(peer for o, peer in fast if o is own)]
-    climbs += [own_low, *(peer for o, peer in fast if o is own_low)]
-    return Outcome(comparisons, [_table(climbs)])
+    searches = [own, *(peer for peer, _ in slow), *(peer for o, peer in fast if o is own)]
+    searches += [own_low, *(peer for o, peer in fast if o is own_low)]
+    return Outcome(comparisons, [_table(searches)])
 
 
-def _once(climber: Climb) -> Side:
-    """A solver that takes too long to be run again."""
-    return Side(climber.label, Timing(climber.best.seconds, climber.best.seconds, 1))
+def _once(search: Search) -> Side:
+    """Return the timing of a single run, for a solver that takes too long to repeat."""
+    return Side(search.label, Timing(search.best.seconds, search.best.seconds, 1))
 
 
 def flexid(exponents: Exponents, tolerance: float) -> Solver:
-    """flexid's closed loop; like the others it returns the end alone."""
+    """Return flexid's solver, which like the others returns the final errors only."""
     loop = table1_loop(exponents)
     return lambda: list(simulate(loop, DURATION, DURATION, tolerance).final_errors().values())
 
 
-def climb(
+def tighten(
     name: str, exponents: Exponents, make: Callable[[float], Solver], tolerances: Sequence[float]
-) -> Climb:
-    """Tighten the tolerance until the wanted accuracy is reached, or the solver gives up."""
+) -> Search:
+    """Tighten the tolerance until the required accuracy is reached or the solver fails."""
     reference = np.array(_reference(exponents))
     scale = np.maximum(np.abs(reference), 1e-3)
-    rungs: list[Rung] = []
+    attempts: list[Attempt] = []
     for tolerance in tolerances:
         solve = make(tolerance)
         try:
             errors, seconds = timed(solve)
         except GaveUpError as reason:
-            rungs.append(Rung(tolerance, np.inf, np.nan, str(reason)))
+            attempts.append(Attempt(tolerance, np.inf, np.nan, str(reason)))
             break
         accuracy = float(np.max(np.abs(np.array(errors) - reference) / scale))
-        rungs.append(Rung(tolerance, accuracy, seconds))
+        attempts.append(Attempt(tolerance, accuracy, seconds))
         if accuracy <= ACCURACY:
             break
-    return Climb(name, exponents, make, rungs)
+    return Search(name, exponents, make, attempts)
 
 
 def _reference(exponents: Exponents) -> list[float]:
@@ -156,17 +156,17 @@ def _reference(exponents: Exponents) -> list[float]:
     return readings[",".join(map(str, exponents))]["parameter_errors_at_30s"]
 
 
-def _table(climbs: Sequence[Climb]) -> Detail:
+def _table(searches: Sequence[Search]) -> Detail:
     lines = [
         (
             c.name,
             ",".join(map(str, c.exponents)),
-            f"{rung.tolerance:.0e}",
-            f"no result: {rung.remark}" if rung.remark else f"{rung.accuracy:.1e}",
-            "–" if rung.remark else duration(Timing(rung.seconds, rung.seconds, 1)),
+            f"{attempt.tolerance:.0e}",
+            f"no result: {attempt.remark}" if attempt.remark else f"{attempt.accuracy:.1e}",
+            "–" if attempt.remark else duration(Timing(attempt.seconds, attempt.seconds, 1)),
         )
-        for c in climbs
-        for rung in c.rungs
+        for c in searches
+        for attempt in c.attempts
     ]
     return Detail(
         "Closed loop: tolerances tried",

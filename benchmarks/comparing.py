@@ -1,8 +1,8 @@
-"""How often `flexid compare` errs, and what it finds: one drive again, and one that is stiffer.
+"""Error rate and power of `flexid compare`, on an unchanged drive and on a stiffer one.
 
-Drives are those of the blind trials. Each is recorded with motions, encoders and noise of their own
-before, again, and with 1, 2 and 5 % more stiffness; and once more with the first motion. Run it in
-the root of the repository::
+The drives are those of the blind trials. Each is recorded twice unchanged and with 1, 2 and 5 %
+more stiffness, each time with another motion, encoder and noise, and again with the first motion.
+Run it in the root of the repository::
 
     python -m benchmarks.comparing --seeds 10 --kept FOLDER --page docs/results.md
 """
@@ -35,9 +35,9 @@ from flexid.stored_estimates.estimate_file import estimate_document, read_estima
 
 BLOCK = "comparing"
 USUAL = ("basic", "coulomb", "lugre", "spring_other")
-_STIFFER = sized({"1": 1.01, "2": 1.02, "5": 1.05}, {"5": 1.05})  # by per cent
+_STIFFER = sized({"1": 1.01, "2": 1.02, "5": 1.05}, {"5": 1.05})  # factor by per cent
 _RECORDINGS = ({}, {}, *({"joint_stiffness": factor} for factor in _STIFFER.values()))
-_NAMES = ("before", "same", *_STIFFER, "motion")  # the last with the first's motion
+_NAMES = ("before", "same", *_STIFFER, "motion")  # "motion" repeats the first motion
 
 HEADINGS = (
     "family",
@@ -69,7 +69,7 @@ def main() -> None:
 
 
 def _record(kept: Path, family: str, seed: int) -> None:
-    """Record a drive and identify it, as far as that has not been done before."""
+    """Record and identify a drive, unless the files exist."""
     files = [_file(kept, family, seed, name) for name in _NAMES]
     if all(file.exists() for file in files):
         return
@@ -85,7 +85,7 @@ def _file(kept: Path, family: str, seed: int, name: str) -> Path:
 
 
 def _estimate(trial: Trial) -> str:
-    """What a user would have of a log, as a document; or why there is nothing."""
+    """Return the estimate of a log as JSON, or the error."""
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(action="ignore"):
         path = Path(folder) / "log.csv"
         trial.write_csv(path)
@@ -96,7 +96,7 @@ def _estimate(trial: Trial) -> str:
 
 
 def _line(kept: Path, family: str, seeds: Sequence[int]) -> list[str]:
-    """What came of a family."""
+    """Return the table's line of a family."""
     again = [*_comparisons(kept, family, seeds, "same")]
     stiffness = [c.parameters["joint_stiffness"] for c in again]
     widths = [float(np.ptp(d.percent_interval)) / 2.0 for d in stiffness if d.compared]
@@ -115,7 +115,7 @@ def _line(kept: Path, family: str, seeds: Sequence[int]) -> list[str]:
 
 
 def _wrong(comparisons: Sequence[Comparison]) -> tuple[str, str]:
-    """How often one and the same drive is said to differ: by intervals, and by answers."""
+    """Return the false alarms for an unchanged drive: of intervals, and of answers."""
     differences = [d for c in comparisons for d in c.parameters.values() if d.compared]
     missed = sum(d.probability < 0.05 for d in differences)
     wrong = sum(c.differ for c in comparisons)
@@ -123,7 +123,7 @@ def _wrong(comparisons: Sequence[Comparison]) -> tuple[str, str]:
 
 
 def _stiffer(comparison: Comparison) -> bool:
-    """Whether the stiffness is said to have changed."""
+    """Whether the comparison reports a change of the stiffness."""
     return comparison.parameters["joint_stiffness"].outcome == "changed"
 
 

@@ -1,4 +1,4 @@
-"""One line of the result: flexid beside a peer, and whether the goal is met."""
+"""Comparison of flexid with a peer, and whether the goal is met."""
 
 from dataclasses import dataclass
 
@@ -7,14 +7,14 @@ from benchmarks.timing import Timing
 
 @dataclass(frozen=True)
 class Side:
-    """One of the two in a comparison.
+    """One of the two tools in a comparison.
 
     Parameters
     ----------
     name : str
-        Tool, settings and whatever limits the comparison.
+        Tool, settings and limits of the comparison.
     timing : Timing
-        Of one job.
+        Time of one job.
     """
 
     name: str
@@ -23,30 +23,30 @@ class Side:
 
 @dataclass(frozen=True)
 class AtLeast:
-    """Goal: flexid is this many times faster."""
+    """Goal: flexid is at least this many times faster."""
 
     factor: float
 
 
 @dataclass(frozen=True)
 class AtMost:
-    """Goal: flexid takes no more than this many times the peer's time."""
+    """Goal: flexid takes at most this many times the peer's time."""
 
     factor: float
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Flexid beside a peer on one job.
+    """Comparison of flexid with a peer on one job.
 
     Parameters
     ----------
     job : str
-        What both do.
+        Task of both.
     own, peer : Side
-        Flexid and the other one.
+        Flexid and the peer.
     goal : AtLeast, AtMost or None
-        None where the line is for information.
+        None if the line is only for information.
     """
 
     job: str
@@ -61,7 +61,7 @@ class Comparison:
 
     @property
     def met(self) -> bool | None:
-        """Whether the goal is met, where there is one."""
+        """Whether the goal is met; None without a goal."""
         match self.goal:
             case AtLeast(factor):
                 return self.times_faster >= factor
@@ -71,11 +71,11 @@ class Comparison:
 
     @property
     def description(self) -> str:
-        """What was done, and by what."""
+        """Job and both tools, as a sentence."""
         return f"{self.job}. flexid: {self.own.name}. Peer: {self.peer.name}."
 
     def cells(self) -> tuple[str, ...]:
-        """Texts of a table's line, in the order of `HEADINGS`."""
+        """Return the texts of the table's line, in the order of `HEADINGS`."""
         if isinstance(self.goal, AtMost) or self.times_faster < 1:
             ratio = f"{1 / self.times_faster:.2f} × time"
         else:
@@ -95,7 +95,7 @@ HEADINGS = ("flexid", "peer", "ratio", "goal", "met")
 
 
 def duration(timing: Timing) -> str:
-    """Median, least and number, e.g. ``6.42 ms (least 6.31, 15 runs)``."""
+    """Print median, minimum and number, such as ``6.42 ms (least 6.31, 15 runs)``."""
     unit, factor = next(
         (unit, factor)
         for unit, factor in (("s", 1.0), ("ms", 1e3), ("µs", 1e6), ("ns", 1e9))
@@ -111,7 +111,7 @@ def duration(timing: Timing) -> str:
 
 @dataclass(frozen=True)
 class Detail:
-    """A table that stands behind the comparisons.
+    """Table with details of the comparisons.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class Detail:
     headings : tuple of str
     lines : list of tuple of str
     remark : str, optional
-        What a reader has to know of it.
+        Note for the reader.
     """
 
     title: str
@@ -130,7 +130,7 @@ class Detail:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one benchmark found."""
+    """Results of one benchmark."""
 
     comparisons: list[Comparison]
     details: list[Detail]

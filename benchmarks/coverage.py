@@ -1,8 +1,8 @@
 """Measured coverage of the nominal 95 % intervals, by estimator and kind of noise.
 
 Run in the repository: ``python -m benchmarks.coverage --seeds 400 [--only PATTERN]``. It replaces
-the cells that it measures in `coverage.json`, and the tables of `docs/intervals.md`; what is of
-fewer seeds than a cell that is there is printed only.
+the measured cells in `coverage.json` and the tables of `docs/intervals.md`. A cell with fewer seeds
+than the stored one is only printed.
 """
 
 import argparse
@@ -41,13 +41,13 @@ ENCODER_STEP = 2 * np.pi / 2**14
 CORRELATION = 0.9
 
 Ends = tuple[FloatArray, FloatArray, FloatArray]
-"""Values, and the lower and upper ends of their intervals."""
+"""Values, lower ends and upper ends of intervals."""
 
 
 def motion(generator: np.random.Generator) -> Samples:
-    """Table I's joint under two tones, from another position each time, integrated finer.
+    """Simulate Table I's joint under two tones, from a random position, with a finer step.
 
-    The torque runs linearly between samples, as the estimators take it.
+    The torque is linear between samples, as the estimators assume.
     """
     time = np.arange(round(DURATION / SAMPLE_TIME) + 1) * SAMPLE_TIME
     torque = 20.0 * np.sin(2.0 * time) + 10.0 * np.sin(5.3 * time)
@@ -72,7 +72,7 @@ def autoregressive(generator: np.random.Generator, positions: FloatArray) -> Flo
 
 
 def quantised(generator: np.random.Generator, positions: FloatArray) -> FloatArray:
-    """Encoders whose zeros lie anywhere within a step, and are known."""
+    """Round positions to encoder steps, with a random but known zero within a step."""
     zero = generator.uniform(0.0, ENCODER_STEP, positions.shape[1])
     return np.round((positions + zero) / ENCODER_STEP) * ENCODER_STEP - zero
 
@@ -102,7 +102,7 @@ FITS: Mapping[str, Callable[[Samples, LeastSquaresFit], Any]] = {
     "5 s": segmented(5.0),
     "10 s": segmented(10.0),
 }
-"""Batch fits, from a fit of least squares."""
+"""Batch fits that start from least squares."""
 
 STREAMS: Mapping[str, Callable[[Samples], Ends]] = {
     "recursive": streamed(recursive_least_squares(JOINT, SAMPLE_TIME)),
@@ -125,7 +125,7 @@ ESTIMATORS: Mapping[str, tuple[str, Callable[[Any], Ends]]] = {
     "online: recursive least squares": ("recursive", lambda ends: ends),
     "for contrast: Gauss-Newton, 1 s": ("1 s", _gauss_newton),
 }
-"""What is measured: of which fit, and how its intervals are read."""
+"""Measured estimators: key of the fit, and function that returns its intervals."""
 
 
 def _ends(values: FloatArray, covariance: FloatArray, degrees_of_freedom: Any) -> Ends:
@@ -138,7 +138,7 @@ def _ends(values: FloatArray, covariance: FloatArray, degrees_of_freedom: Any) -
 
 
 def measure(noise: str, names: list[str], seeds: int) -> list[dict[str, Any]]:
-    """Cells of one kind of noise."""
+    """Return the cells of one kind of noise."""
     found: dict[str, list[Ends]] = {name: [] for name in names}
     for seed in range(seeds):
         generator = np.random.default_rng(seed)

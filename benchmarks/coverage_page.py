@@ -1,4 +1,4 @@
-"""`coverage.json` as the tables of `docs/intervals.md`."""
+"""Render `coverage.json` as the tables of `docs/intervals.md`."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ Cell = Mapping[str, Any]
 
 
 def render(cells: Sequence[Cell]) -> str:
-    """One table per kind of noise, coverage in percent with the width of the intervals."""
+    """Return a table per kind of noise: coverage in percent, and width of the intervals."""
     parts: list[str] = []
     for noise in dict.fromkeys(cell["noise"] for cell in cells):
         chosen = [cell for cell in cells if cell["noise"] == noise]
@@ -26,7 +26,7 @@ def render(cells: Sequence[Cell]) -> str:
 
 
 def merged(old: Sequence[Cell], measured: Sequence[Cell]) -> tuple[list[Cell], list[Cell]]:
-    """Cells of both, the measured ones where they are of no fewer seeds; and those that are."""
+    """Return old cells, updated by measured ones of as many seeds, and measured ones of fewer."""
     kept = {(cell["noise"], cell["estimator"]): cell for cell in old}
     fewer = []
     for cell in measured:

@@ -1,4 +1,4 @@
-"""How fast recursive least squares follows a load that changes and a spring that ages.
+"""Delay and noise of recursive least squares for a changing load and an ageing spring.
 
 Run in the repository: ``python -m benchmarks.drifting [--seeds 10]``. It prints the tables of
 `docs/watch.md` and draws `docs/assets/drifting.png`.
@@ -23,8 +23,8 @@ JOINT = flexible_joint()
 NAMES = JOINT.coefficients
 BEFORE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 SAMPLE_TIME, DURATION, CHANGE = 1e-3, *sized((40.0, 20.0), (4.0, 2.0))
-SLICE = 20  # samples over which an ageing joint keeps its coefficients
-AGEING, AGEING_DURATION = 0.10, sized(60.0, 21.0)  # part of the stiffness that is lost, over s
+SLICE = 20  # samples with constant coefficients of an ageing joint
+AGEING, AGEING_DURATION = 0.10, sized(60.0, 21.0)  # share of the stiffness lost, and duration in s
 MEMORY_TIMES = (0.5, 1.0, 2.0, 5.0, 10.0)
 NOISES = (1e-5, 1e-4, 1e-3)
 LEVELS = (0.05, 0.01)
@@ -35,7 +35,7 @@ def torque(time: FloatArray) -> FloatArray:
 
 
 def moved(coefficients: Callable[[float], dict[str, float]], duration: float, part: int):
-    """Samples of a joint whose coefficients change from part to part, and the true values."""
+    """Simulate a joint with coefficients that change in steps; return samples and true values."""
     count = round(duration / SAMPLE_TIME)
     inputs = torque(np.arange(count + 1) * SAMPLE_TIME)[:, None]
     states, truth = np.zeros((count + 1, 4)), np.empty((count + 1, len(NAMES)))
@@ -50,9 +50,9 @@ def moved(coefficients: Callable[[float], dict[str, float]], duration: float, pa
 
 
 def payload(time: float) -> dict[str, float]:
-    """Link inertia and gravity torque half as large again from `CHANGE` on.
+    """Return coefficients; link inertia and gravity torque grow by half at `CHANGE`.
 
-    theta1, their ratio, stays; theta2, stiffness over inertia, falls by a third.
+    theta1, their ratio, does not change; theta2, stiffness over inertia, falls by a third.
     """
     return BEFORE | ({"theta2": 100.0 / 1.5} if time > CHANGE else {})
 
@@ -63,7 +63,7 @@ def ageing(time: float) -> dict[str, float]:
 
 
 def errors(samples: Samples, truth: FloatArray, noise: float, seed: int, tau: float):
-    """Relative errors of all coefficients over time."""
+    """Return the relative errors of all coefficients over time, and the estimates."""
     generator = np.random.default_rng(seed)
     noisy = samples.positions + noise * generator.standard_normal(samples.positions.shape)
     estimator = recursive_least_squares(JOINT, SAMPLE_TIME, memory=tau)

@@ -1,4 +1,4 @@
-"""What the exported C costs on a Cortex-M4F, and what a fuzzer finds in ten minutes.
+"""Memory and instructions of the exported C on a Cortex-M4F, and ten minutes of fuzzing.
 
 ``python -m benchmarks.drive [--fuzz SECONDS]`` writes both into ``docs/export.md``. It needs the
 Debian packages gcc-arm-none-eabi, libnewlib-arm-none-eabi, qemu-system-arm, clang and
@@ -32,7 +32,7 @@ DEFINITION = {"float": "-DFLEXID_FLOAT", "double": "-UFLEXID_FLOAT"}
 
 
 class Cost(NamedTuple):
-    """Bytes and instructions of a step."""
+    """Memory in bytes, and instructions of a step."""
 
     flash: int
     state: int
@@ -69,10 +69,11 @@ def build(directory: Path, main: str, options: tuple[str, ...], program: Path) -
 
 
 def bound_of(program: Path) -> tuple[int, int]:
-    """Instructions of a step, if each ran as often as in the step in which it ran most often.
+    """Return an upper bound of instructions per step, and the number of instructions never run.
 
-    How often a loop turns does not depend on the data, so that no step can run an instruction more
-    often than that. Second, the instructions of the estimator that never ran, which are not in it.
+    The bound adds up the largest number of runs of each instruction in any step. Loop counts do
+    not depend on the data, so no step runs an instruction more often. The bound leaves out those
+    that never ran.
     """
     listing = run("arm-none-eabi-objdump", "-d", "--no-show-raw-insn", program)
     functions = {
@@ -93,7 +94,7 @@ def bound_of(program: Path) -> tuple[int, int]:
             if place == entry:
                 current = Counter()
             elif place in callers and current is not None:
-                most |= current  # the larger of each
+                most |= current  # maximum for each instruction
                 current = None
             if current is not None:
                 current[place] += 1
@@ -104,7 +105,7 @@ def bound_of(program: Path) -> tuple[int, int]:
 
 
 def own_functions(program: Path) -> set[str]:
-    """Functions of the estimator that a step may call."""
+    """Return the functions of the estimator that a step may call."""
     lines = run("arm-none-eabi-nm", program.with_suffix(".o")).splitlines()
     names = {line.split()[-1] for line in lines if line.split()[-2] in "tT"}
     return names - {"flexid_checksum", "flexid_restore", "flexid_estimates"}

@@ -1,13 +1,13 @@
-"""Force error of the EMPS slide by its publishers' protocol: fit, and cross test on the other log.
+"""Force error of the EMPS slide by its publishers' protocol: fit and cross test.
 
     python -m benchmarks.emps [FOLDER]
 
-FOLDER holds ``emps_train.csv`` and ``emps_pulses.csv`` (columns t_s, position_m, force_N). Without
-it, both logs are simulated with the constants that were published.
+FOLDER contains ``emps_train.csv`` and ``emps_pulses.csv`` (columns t_s, position_m, force_N).
+Without it, both logs are simulated with the published constants.
 
-A. Janot, M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, 2019: position is filtered
-forwards and backwards and differentiated, the model gives the force, both forces are low-passed,
-and the error is the norm of their difference over that of the force.
+A. Janot, M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, 2019: the position is
+filtered forwards and backwards and differentiated, and the model gives the force. Both forces are
+low-pass filtered. The error is the norm of their difference over the norm of the force.
 """
 
 import argparse
@@ -24,10 +24,10 @@ from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.models.flexible_joint import rigid_joint
 from flexid.simulation.free_run import free_run
 
-BANDS = (5.0, 10.0, 20.0, 40.0)  # Hz, of the low-pass of both forces
+BANDS = (5.0, 10.0, 20.0, 40.0)  # Hz, of the low-pass filter of both forces
 POSITION_BAND = 100.0  # Hz
-SIGN_VELOCITY = 2e-3  # m/s, over which the direction of friction changes
-ENDS = 0.5  # s at either end, which filters spoil
+SIGN_VELOCITY = 2e-3  # m/s, for the smooth sign of friction
+ENDS = 0.5  # s at either end, left out because of filter transients
 PUBLISHED = {"M": 95.109, "viscous": 203.5, "coulomb": 20.39, "asymmetry": -36.85}
 LOGS = ("emps_train.csv", "emps_pulses.csv")
 
@@ -61,7 +61,7 @@ def main() -> None:
 def force_error(
     log: Log, coefficients: Mapping[str, ValueEstimate], delay: float, band: float
 ) -> float:
-    """Norm of the force that the model lacks over that of the force, in per cent."""
+    """Return the norm of the unexplained force over the norm of the force, in per cent."""
     step = float(log["t_s"][1] - log["t_s"][0])
     position = _low_passed(log["position_m"], POSITION_BAND, step)
     speed = np.gradient(position, step)
@@ -89,7 +89,7 @@ def _read(path: Path) -> Log:
 
 
 def _simulated(seed: int) -> Log:
-    """A slide with the published constants, moved to and fro by a force."""
+    """Simulate a slide with the published constants, which a force moves to and fro."""
     rng = np.random.default_rng(seed)
     time = 1e-3 * np.arange(sized(20_000, 4000))
     force = 60.0 * np.sin(2.0 * np.pi * 0.4 * time) + 25.0 * np.sin(2.0 * np.pi * 1.1 * time + seed)

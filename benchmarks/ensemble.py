@@ -1,7 +1,7 @@
-"""Many runs of the paper's closed loop: flexid's ensemble beside single runs, SciPy and diffrax.
+"""Many runs of the paper's closed loop: flexid's ensemble, single runs, SciPy and diffrax.
 
 The ensemble is Table I with gains (1,2,3), k drawn from [10, 50] and every coefficient of the plant
-within 20 % of its value, 30 s, at flexid's default tolerance. diffrax gets it as well, and the same
+within 20 % of its value, 30 s, at flexid's default tolerance. diffrax runs it as well, and the same
 plants under PD control, which are not stiff.
 """
 
@@ -37,12 +37,12 @@ _STIFF_SOLVERS = ("Kvaerno3", "Kvaerno5")
 
 
 def run(quick: bool) -> Outcome:
-    """Compare flexid's ensemble with single runs, with itself on two threads, and with peers.
+    """Compare flexid's ensemble with single runs, with two threads, and with peers.
 
     Parameters
     ----------
     quick : bool
-        Fewer runs, and no SciPy in plain coordinates, which takes minutes.
+        Use fewer runs, and leave out SciPy in plain coordinates, which takes minutes.
     """
     plants = draw(sized(40, 8) if quick else 200)
     loops = [stiff_loop(plant) for plant in plants]
@@ -69,7 +69,7 @@ def draw(count: int) -> list[Plant]:
 
 
 def on_two_threads(loops: list[ClosedLoop], tolerance: float) -> list[Ensemble]:
-    """The runs at even places, and those at odd ones, at the same time."""
+    """Run the even and the odd members in two threads."""
 
     def run(part: list[ClosedLoop]) -> Ensemble:
         return simulate_ensemble(part, DURATION, relative_tolerance=tolerance)
@@ -79,12 +79,12 @@ def on_two_threads(loops: list[ClosedLoop], tolerance: float) -> list[Ensemble]:
 
 
 def stiff_loop(plant: Plant) -> ClosedLoop:
-    """Table I with gains (1,2,3) and a member's k and plant."""
+    """Return Table I's loop with gains (1,2,3) and a member's k and plant."""
     return with_plant(table1_loop((1, 2, 3), plant.k), plant)
 
 
 def with_plant(loop: ClosedLoop, plant: Plant) -> ClosedLoop:
-    """The loop around another plant, as a campaign makes it."""
+    """Return the loop with another plant, as a campaign does."""
     return loop.with_values(
         system=loop.system.with_constants({"beta1": plant.beta1}),
         coefficients=dict(zip(loop.coefficients, plant.true, strict=True)),
@@ -105,7 +105,7 @@ def _own(loops: list[ClosedLoop], repetitions: int) -> tuple[list[Comparison], D
         return on_two_threads(loops, _TOLERANCE)
 
     first = one()
-    for place, half in enumerate(two()):  # or the comparison means nothing
+    for place, half in enumerate(two()):  # both must give the same results
         np.testing.assert_array_equal(first.final_states[place::2], half.final_states)
         np.testing.assert_array_equal(first.tracking_rms[place::2], half.tracking_rms)
     busy = os.getloadavg()[0]
@@ -144,7 +144,7 @@ def _own(loops: list[ClosedLoop], repetitions: int) -> tuple[list[Comparison], D
 def _scipy(
     plants: list[Plant], loops: list[ClosedLoop], quick: bool
 ) -> tuple[list[Comparison], list[tuple[str, ...]]]:
-    """SciPy's Radau, the best of its stiff methods here, in both sets of coordinates."""
+    """Compare with SciPy's Radau, its best stiff method here, in both sets of coordinates."""
     comparisons, lines = [], []
     kinds = [("error coordinates", False, sized(8, 2) if quick else 40, _TOLERANCES, None)]
     if not quick:
@@ -192,7 +192,7 @@ def _scipy(
 def _diffrax(
     plants: list[Plant], loops: list[ClosedLoop], quick: bool
 ) -> tuple[list[Comparison], list[tuple[str, ...]]]:
-    """diffrax's vmap on the ensemble itself, and on one that is not stiff."""
+    """Compare with diffrax's vmap on the ensemble and on a nonstiff one."""
     law = pd_gravity()
     calm = replace(table1_loop((1, 2, 3)), controller=law)
     easy = [with_plant(calm, plant) for plant in plants]
@@ -213,7 +213,7 @@ def _diffrax(
 
 @dataclass(frozen=True)
 class _Setting:
-    """An ensemble for flexid and the same for diffrax."""
+    """One ensemble, for flexid and for diffrax."""
 
     name: str
     loops: list[ClosedLoop]
@@ -228,7 +228,7 @@ class _Setting:
         )
 
     def compare(self, repetitions: int) -> tuple[Comparison, list[tuple[str, ...]]]:
-        """Flexid on one thread beside the fastest of the solvers, at one tolerance."""
+        """Compare flexid on one thread with the fastest of diffrax's solvers, at one tolerance."""
         reference, count = self.ensemble(_TIGHT).final_errors, len(self.loops)
         calls = [
             diffrax_ensemble(self.plants, self.gains, _TOLERANCE, solver) for solver in self.solvers

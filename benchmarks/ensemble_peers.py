@@ -32,14 +32,14 @@ class Plant:
 
 
 def scipy_run(plain: bool, tolerance: float, plant: Plant) -> tuple[list[float], float]:
-    """SciPy's Radau on Table I, gains (1,2,3).
+    """Solve Table I with gains (1,2,3) with SciPy's Radau.
 
     Returns
     -------
     list of float
-        The parameter errors at the end.
+        Final parameter errors.
     float
-        Processor's time in s.
+        Processor time in s.
     """
     loop = Table1((1, 2, 3), k=plant.k, true=plant.true, beta1=plant.beta1)
     rates = loop.plain_rates if plain else loop.error_rates
@@ -61,14 +61,14 @@ def scipy_run(plain: bool, tolerance: float, plant: Plant) -> tuple[list[float],
 def scipy_pool(
     plants: Sequence[Plant], plain: bool, tolerance: float, workers: int
 ) -> tuple[FloatArray, float, float]:
-    """Run all plants in a pool of processes that is already there.
+    """Run all plants in an existing pool of processes.
 
     Returns
     -------
     (n, 4) ndarray
-        Errors at the end.
+        Final errors.
     float, float
-        Wall time of all and mean processor's time of one, in s.
+        Wall time of all runs and mean processor time of one, in s.
     """
     job = partial(scipy_run, plain, tolerance)
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
@@ -80,34 +80,34 @@ def scipy_pool(
 
 
 def _warm_up(_: int) -> None:
-    time.sleep(0.05)  # so that every process gets one
+    time.sleep(0.05)  # so that every process gets a task
 
 
 def diffrax_ensemble(
     plants: Sequence[Plant], gains: tuple[float, float] | None, tolerance: float, solver: str
 ) -> Callable[[], FloatArray]:
-    """All plants as one vmap on the processor.
+    """Compile a solver for all plants as one vmap on the processor.
 
     Parameters
     ----------
     plants : sequence of Plant
     gains : (float, float) or None
-        Proportional and derivative, of PD control with gravity compensation; otherwise Table I with
-        gains (1,2,3) in error coordinates.
+        Proportional and derivative gain of PD control with gravity compensation. If None, Table I
+        with gains (1,2,3) in error coordinates.
     tolerance : float
-        Relative; the absolute one is a thousandth of it.
+        Relative tolerance; the absolute one is a thousandth of it.
     solver : str
         Name of diffrax's solver.
 
     Returns
     -------
     callable
-        Runs all and returns the errors at the end, (n, 4); compiled at its first call.
+        Function that runs all and returns the final errors, (n, 4); compiled at its first call.
 
     Raises
     ------
     ImportError
-        If diffrax is not there.
+        If diffrax is not installed.
     """
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
     import diffrax
@@ -150,7 +150,7 @@ def diffrax_ensemble(
 
 
 def _pd_rates(t: Any, state: Any, p: Any, gains: tuple[float, float]) -> list[Any]:
-    """Rates of x1 ... x4 and the parameter errors under PD control, by eqs. (4) and (7)."""
+    """Return the rates of x1 ... x4 and the parameter errors under PD control, eqs. (4) and (7)."""
     import jax.numpy as jnp
 
     x1, x2, x3, x4, theta1, theta2, alpha1, alpha2 = state
@@ -173,6 +173,6 @@ def _pd_rates(t: Any, state: Any, p: Any, gains: tuple[float, float]) -> list[An
 
 
 def nearness(errors: FloatArray, reference: FloatArray) -> float:
-    """Largest deviation, relative to the value, or to 1e-3 where that is smaller."""
+    """Return the largest deviation, relative to the value or to 1e-3 if the value is smaller."""
     deviation = np.abs(errors - reference) / np.maximum(np.abs(reference), 1e-3)
     return float(np.max(deviation)) if np.all(np.isfinite(deviation)) else math.inf

@@ -58,7 +58,7 @@ def observer() -> None:
 
 
 def best_time(function, repeats: int = sized(40, 1)) -> float:
-    """Shortest of several runs, in s."""
+    """Return the shortest time of several runs, in s."""
     times = []
     for _ in range(repeats):
         start = time.perf_counter()

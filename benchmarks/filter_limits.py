@@ -1,8 +1,8 @@
-"""How fast and how slow a filter may be, over the sampling rate.
+"""Fastest and slowest useful filter rates, over the sampling rate.
 
 ``python -m benchmarks.filter_limits``: the joint of Huang (2003), 30 s, from encoders with white
-noise; largest relative error of a coefficient by recursive least squares, and how many of the 95 %
-intervals hold the truth, over seeds; then what single precision does to a slow filter.
+noise. It prints the largest relative error of a coefficient by recursive least squares, and the
+share of 95 % intervals that contain the truth, over seeds; then the effect of single precision.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ _SLOW = sized((1e-3, 1e-4, 1e-5, 1e-6), (1e-3,))
 
 
 def motion(h: float) -> FloatArray:
-    """Link, motor and torque, shape (n, 3), every h seconds; the torque runs on straight lines."""
+    """Return link, motor and piecewise linear torque, shape (n, 3), every h seconds."""
     time = h * np.arange(round(_DURATION / h) + 1)
     u = 20.0 * np.sin(2.0 * time) + 10.0 * np.sin(5.3 * time) + 5.0 * np.sin(13.0 * time)
     fine = round(h / _STEP)
@@ -36,7 +36,7 @@ def motion(h: float) -> FloatArray:
 
 
 def errors(rows: FloatArray, h: float, rate: float, noise: float) -> tuple[float, float]:
-    """Largest relative error of a coefficient, mean over seeds; share of intervals that hold."""
+    """Return the largest relative error, mean over seeds, and the share of correct intervals."""
     estimator = recursive_least_squares(SYSTEM, h, rate, "linear")
     truth = np.array([TRUTH[name] for name in SYSTEM.coefficients])
     worst, held = [], []
@@ -63,7 +63,7 @@ def _filtered(values, pole, one):
 
 
 def rounding(product: float) -> float:
-    """Root mean square of what single precision changes, over that of what passes the filter."""
+    """Return the RMS error of single precision in the filter, over the RMS of its output."""
     phase = product * np.arange(min(int(60.0 / product), 20_000_000))
     values = (np.sin(0.7 * phase) + 0.5 * np.sin(2.1 * phase) + 0.3).astype(np.float32)
     pole = np.float32(np.exp(-product))

@@ -1,18 +1,18 @@
-"""Files as nobody means to write them: what every reader of flexid makes of them.
+"""Fuzz test of all readers of flexid with damaged files.
 
     python -m benchmarks.fuzz [--guided] [--seconds 60] [--seed 1] [--keep FOLDER] [TARGET ...]
 
-Each target is a reader with files that it reads. They are mutated by bytes, lines, numbers, words
-of the format and encodings, and given to it. It may return, or raise a `FlexidError` of one line;
-whatever else it raises, an input that takes longer than a limit, and memory that grows beyond one,
-is a fault: the file is kept, and the exit status is 1.
+Each target is a reader with valid files. Bytes, lines, numbers, words of the format and encodings
+are mutated. The reader may return, or raise a `FlexidError` of one line. A fault is any other
+exception, a file that takes longer than the limit, or memory growth beyond the limit. Then the file
+is kept, and the exit status is 1.
 
-Files that a child process reads are tried without one, a thousand times as fast. One that ends the
-process is tried once more as flexid reads it.
+Formats for which flexid uses a child process are read without one, which is a thousand times as
+fast. A file that ends the process is tried again as flexid reads it.
 
-With --guided, atheris makes the files, from those that reached a branch which none had reached
-before. With --write, a reader's row in the table of `docs/reliability.md` is written again as soon
-as it is done; the other rows stay.
+With --guided, atheris makes the files, from those that reached a new branch. With --write, a
+reader's row in the table of `docs/reliability.md` is replaced when it is done; other rows do not
+change.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ from benchmarks.fuzz_table import GUIDED, MUTATED, Tally
 from benchmarks.fuzz_targets import Target, Targets, made_estimate
 from flexid.errors import FlexidError
 
-LONGEST = 5.0  # s of processor that one file may take
-HANG = 300.0  # s of grace before a process is taken to hang
+LONGEST = 5.0  # s of processor time for one file, at most
+HANG = 300.0  # s more, after which a process counts as hanging
 PER_PROCESS = 5_000  # files
 LARGEST = 300_000  # bytes of a mutated file
-MOST_GROWTH = 500.0  # MB of memory, while a target is tried
+MOST_GROWTH = 500.0  # MB of memory, during the test of a target
 _NUMBER = re.compile(rb"\d+(?:\.\d+)?(?:[eE][+-]?\d+)?")
 _EXTREMES = (
     b"0 -0 -1 1e308 -1e308 1e999 1e-320 nan inf 9007199254740993 99999999999999999999 0.1.2 1_0 "
@@ -68,7 +68,7 @@ Mutation = Callable[[random.Random, bytes, "Target"], bytes]
 
 
 def mutated(draw: random.Random, target: Target) -> bytes:
-    """One of the target's files, changed in a few ways."""
+    """Return one of the target's files with a few mutations."""
     content = draw.choice(target.seeds)
     for _ in range(draw.randint(1, 4)):
         content = draw.choice(_MUTATIONS)(draw, content, target)
@@ -76,7 +76,7 @@ def mutated(draw: random.Random, target: Target) -> bytes:
 
 
 def _place(draw: random.Random, content: bytes) -> int:
-    # Most of a format is at the beginning of a file.
+    # Most of a format's structure is at the beginning of a file.
     return draw.randint(0, min(len(content), draw.choice((100, 1000, LARGEST))))
 
 
@@ -152,12 +152,12 @@ _MUTATIONS: tuple[Mutation, ...] = (_bytes, _word, _number, _number, _lines, _li
 
 
 def tried(target: Target, path: Path, content: bytes) -> str | None:
-    """What the reader makes of a file: the first line of a fault, or None if it is as it should be.
+    """Try a reader with a file and return the fault.
 
     Returns
     -------
     str or None
-        Empty for a file that was read.
+        First line of a fault; empty if the file was read; None if it was refused.
     """
     path.write_bytes(content)
     try:
@@ -167,7 +167,7 @@ def tried(target: Target, path: Path, content: bytes) -> str | None:
     except FlexidError as error:
         message = str(error)
         return None if message and "\n" not in message else f"message of lines: {message[:200]!r}"
-    except BaseException as error:  # whatever it is, it is what is looked for
+    except BaseException as error:  # any exception but a `FlexidError` is a fault
         if isinstance(error, KeyboardInterrupt):
             raise
         return f"{type(error).__name__}: {error}".splitlines()[0][:200]
@@ -175,13 +175,13 @@ def tried(target: Target, path: Path, content: bytes) -> str | None:
 
 
 def fuzz(target: Target, files: int, seconds: float, seed: int, folder: Path) -> Tally:
-    """Try a reader with so many files, or for so long; faults are kept in `folder`."""
+    """Try a reader up to a number of files or a time; faults are kept in `folder`."""
     draw = random.Random(seed)
     tally = Tally()
     before = _peak()
     start = time.perf_counter()
     path = folder / f"input{target.suffix}"
-    tried(target, path, target.seeds[0])  # what is compiled at first takes longer
+    tried(target, path, target.seeds[0])  # the first call compiles
     while tally.files < files and tally.seconds < seconds:
         content = mutated(draw, target)
         begun = time.process_time()
@@ -197,13 +197,13 @@ def fuzz(target: Target, files: int, seconds: float, seed: int, folder: Path) ->
             _keep(path, fault)
         tally.seconds = time.perf_counter() - start
     tally.growth = _peak() - before
-    if tally.growth > MOST_GROWTH and not target.is_apart:  # a child has a limit of its own
+    if tally.growth > MOST_GROWTH and not target.is_apart:  # a child process has its own limit
         tally.faults.append(f"memory grew by {tally.growth:.0f} MB")
     return tally
 
 
 def _tell_death(target: Target, path: Path, died: str, tally: Tally) -> None:
-    """Count the file that a process died of, which is no fault where flexid's own goes on."""
+    """Count the file that ended a process; it is a fault only if it ends flexid's process, too."""
     fault = tried(target, path, path.read_bytes()) if target.is_apart else died
     tally.read += fault == ""
     tally.refused += fault is None
@@ -213,22 +213,22 @@ def _tell_death(target: Target, path: Path, died: str, tally: Tally) -> None:
 
 
 def _keep(path: Path, fault: str) -> None:
-    """Keep the file that a fault came from."""
+    """Keep the file that caused a fault."""
     kept = path.with_name(f"{zlib.crc32(path.read_bytes()):08x}{path.suffix}")
     path.replace(kept)
     print(f"  {kept}: {fault}", file=sys.stderr)
 
 
 def _peak() -> float:
-    """Largest resident memory of the process so far, in MB; zero where the system does not say."""
-    status = Path("/proc/self/status")  # getrusage counts what the parent had, too
+    """Return the largest resident memory of the process so far, in MB; zero if unknown."""
+    status = Path("/proc/self/status")  # getrusage includes the parent's memory
     if not status.exists():
         return 0.0
     return int(status.read_text().partition("VmHWM:")[2].split()[0]) / 1e3
 
 
 def _in_processes(name: str, seconds: float, seed: int, keep: Path) -> Tally:
-    """Try a reader in processes of a few thousand files, so that one that dies is noticed."""
+    """Try a reader in processes of a few thousand files each, so that a crash is noticed."""
     folder = keep / re.sub(r"\W+", "-", name)
     folder.mkdir(parents=True, exist_ok=True)
     estimate = keep / "estimate.json"
@@ -256,7 +256,7 @@ def _in_processes(name: str, seconds: float, seed: int, keep: Path) -> Tally:
 
 
 def _guided(name: str, seconds: float, seed: int, keep: Path) -> Tally:
-    """Let atheris try a reader in a process of its own, until a fault."""
+    """Let atheris try a reader in a separate process, until a fault."""
     folder = keep / re.sub(r"\W+", "-", name)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "tally.json").write_text('{"read": 0, "refused": 0}')
@@ -269,7 +269,7 @@ def _guided(name: str, seconds: float, seed: int, keep: Path) -> Tally:
     done = subprocess.run(
         [*command, str(folder), name, *options.split()],
         capture_output=True, text=True, errors="replace", check=False,
-        env={**os.environ, "MALLOC_PERTURB_": "165"},  # who reads memory that nobody set, notices
+        env={**os.environ, "MALLOC_PERTURB_": "165"},  # shows reads of uninitialised memory
     )  # fmt: skip
     said = done.stdout + done.stderr
     (folder / "log.txt").write_text(said)
@@ -284,7 +284,7 @@ def _guided(name: str, seconds: float, seed: int, keep: Path) -> Tally:
     tally.growth = max(map(float, re.findall(r"rss: (\d+)Mb", done.stderr)))
     left = [path for path in folder.iterdir() if re.match("(crash|timeout|oom)-", path.name)]
     target = Targets((keep / "estimate.json").read_bytes())[name]
-    if left and target.is_apart:  # what ends this process, or is too long, ends only a child
+    if left and target.is_apart:  # in flexid a crash ends only a child process
         path = folder / f"input{target.suffix}"
         faults = [tried(target, path, one.read_bytes()) for one in left]
         tally.faults += [fault for fault in faults if fault]
@@ -303,7 +303,7 @@ def _child(estimate: str, folder: str, name: str, seconds: str, seed: str) -> No
 
 
 def main() -> None:
-    """Try every target, or those that are named, and print what became of the files."""
+    """Try all targets or the named ones, and print the results."""
     if sys.argv[1:2] == ["--child"]:
         return _child(*sys.argv[2:])
     parser = argparse.ArgumentParser(prog="python -m benchmarks.fuzz", description=__doc__)

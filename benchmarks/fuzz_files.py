@@ -1,4 +1,4 @@
-"""Small logs in every format that is read, as its own library writes them."""
+"""Small logs in every supported format, each written by its own library."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Columns = dict[str, np.ndarray]
 Message = tuple[str, int, dict[str, Any]]
 
 STAMPS = [1_700_000_000_000_000_000 + 5_000_000 * index for index in range(100)]
-"""Of messages, in ns."""
+"""Time stamps of messages, in ns."""
 
 _STATE, _NOTE = "sensor_msgs/msg/JointState", "std_msgs/msg/String"
 
 
 def log_columns(rows: int = 100) -> Columns:
-    """A small log with two encoders."""
+    """Return a small log with two encoders."""
     t = 0.005 * np.arange(rows)
     motor = np.sin(20.0 * t) + 0.4 * np.sin(53.0 * t)
     return {
@@ -37,12 +37,12 @@ def log_columns(rows: int = 100) -> Columns:
 
 
 def log_text() -> bytes:
-    """It as a CSV file."""
+    """Return the log as a CSV file."""
     return pl.DataFrame(log_columns()).write_csv(float_precision=6).encode()
 
 
 def log_parquet() -> tuple[bytes, ...]:
-    """It as Parquet files."""
+    """Return the log as Parquet files."""
     buffers = []
     for compression in ("zstd", "snappy", "uncompressed"):
         buffers.append(io.BytesIO())
@@ -51,7 +51,7 @@ def log_parquet() -> tuple[bytes, ...]:
 
 
 def strange_parquet() -> tuple[bytes, ...]:
-    """Parquet files with columns of every type where numbers are expected."""
+    """Return Parquet files with columns of every type in place of numbers."""
     frame = pl.DataFrame(log_columns())
     rows = frame.height
     columns = (
@@ -74,7 +74,7 @@ def strange_parquet() -> tuple[bytes, ...]:
 
 
 def log_matlab() -> tuple[bytes, ...]:
-    """It as MATLAB files before version 7.3."""
+    """Return the log as MATLAB files before version 7.3."""
     from scipy.io import savemat
 
     columns, files = log_columns(), []
@@ -91,7 +91,7 @@ def log_matlab() -> tuple[bytes, ...]:
 
 
 def log_hdf5() -> tuple[bytes, ...]:
-    """It as HDF5 files."""
+    """Return the log as HDF5 files."""
     import h5py
 
     files = []
@@ -109,7 +109,7 @@ def log_hdf5() -> tuple[bytes, ...]:
 
 
 def matlab_73(path: Path, variables: Columns, compression: str | None = None, **form: Any) -> Path:
-    """A file as MATLAB's ``save -v7.3`` lays it out: HDF5 behind a header, dimensions reversed."""
+    """Return a file like MATLAB's ``save -v7.3``: a header, then HDF5 with reversed dimensions."""
     import h5py
 
     with h5py.File(path, "w", userblock_size=512, **form) as file:
@@ -128,7 +128,7 @@ def matlab_73(path: Path, variables: Columns, compression: str | None = None, **
 
 
 def log_matlab_73() -> tuple[bytes, ...]:
-    """It as MATLAB files of version 7.3."""
+    """Return the log as MATLAB files of version 7.3."""
     with tempfile.TemporaryDirectory() as folder:
         return tuple(
             matlab_73(Path(folder) / "a.mat", log_columns(), packed, libver=libver).read_bytes()
@@ -137,7 +137,7 @@ def log_matlab_73() -> tuple[bytes, ...]:
 
 
 def log_mdf() -> tuple[bytes, ...]:
-    """It as MDF files."""
+    """Return the log as MDF files."""
     from asammdf import MDF, Signal
 
     columns, files = log_columns(), []
@@ -156,7 +156,7 @@ def log_mdf() -> tuple[bytes, ...]:
 
 
 def bag1(path: Path, columns: Columns, compression: Any = None) -> Path:
-    """A bag of ROS 1."""
+    """Return a bag of ROS 1."""
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
 
@@ -169,7 +169,7 @@ def bag1(path: Path, columns: Columns, compression: Any = None) -> Path:
 
 
 def bag2(path: Path, columns: Columns, plugin: str = "SQLITE3") -> Path:
-    """A bag of ROS 2, which is a folder."""
+    """Return a bag of ROS 2, which is a folder."""
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
@@ -180,7 +180,7 @@ def bag2(path: Path, columns: Columns, plugin: str = "SQLITE3") -> Path:
 
 
 def log_bag1() -> tuple[bytes, ...]:
-    """It as bags of ROS 1."""
+    """Return the log as bags of ROS 1."""
     with tempfile.TemporaryDirectory() as folder:
         return tuple(
             bag1(Path(folder) / f"{form}.bag", log_columns(), form).read_bytes()
@@ -189,7 +189,7 @@ def log_bag1() -> tuple[bytes, ...]:
 
 
 def log_bag2(plugin: str) -> tuple[bytes, ...]:
-    """It as the database of a bag of ROS 2, or as the MCAP file of one."""
+    """Return the log as the database and as the MCAP file of a ROS 2 bag."""
     with tempfile.TemporaryDirectory() as folder:
         path = bag2(Path(folder) / "log", log_columns(), plugin)
         return tuple(one.read_bytes() for one in path.iterdir() if one.suffix != ".yaml")
@@ -198,7 +198,7 @@ def log_bag2(plugin: str) -> tuple[bytes, ...]:
 def _write_states(
     writer: Any, columns: Columns, store: Any, serialize: Callable[[Any, str], Any]
 ) -> None:
-    """The log as joint states, the joints in one order or the other, and a note on its own."""
+    """Write the log as joint states, with joints in either order, and a separate text message."""
     states = writer.add_connection("/joint_states", _STATE, typestore=store)
     notes = writer.add_connection("/note", _NOTE, typestore=store)
     for index, stamp in enumerate(STAMPS):
@@ -208,7 +208,7 @@ def _write_states(
 
 
 def _state(columns: Columns, store: Any, index: int) -> Any:
-    """A message of both encoders and the motor's torque."""
+    """Return a message with both encoders and the motor's torque."""
     names = ("motor", "link") if index % 2 else ("link", "motor")
     stamp = store.types["builtin_interfaces/msg/Time"](
         sec=STAMPS[index] // 10**9, nanosec=STAMPS[index] % 10**9
@@ -226,7 +226,7 @@ def _state(columns: Columns, store: Any, index: int) -> Any:
 
 
 def mcap(path: Path, messages: list[Message], compression: str = "NONE", **form: Any) -> Path:
-    """An MCAP file of JSON messages, each with topic and time in ns."""
+    """Return an MCAP file of JSON messages, each with topic and time in ns."""
     from mcap.writer import CompressionType, Writer
 
     with path.open("wb") as stream:
@@ -242,7 +242,7 @@ def mcap(path: Path, messages: list[Message], compression: str = "NONE", **form:
 
 
 def log_json_mcap() -> tuple[bytes, ...]:
-    """It as an MCAP file of JSON, in compressed chunks and without chunks."""
+    """Return the log as MCAP files of JSON, in compressed chunks and without chunks."""
     columns = log_columns()
     messages = [
         ("/drive", stamp, {n: v[index] for n, v in columns.items() if n != "time"})
@@ -264,4 +264,4 @@ SEEDS = {
     "ROS 1 bag": log_bag1,
     "ROS 2 bag": lambda: log_bag2("SQLITE3"),
 }
-"""Files by the name of their format, in `flexid.readers.formats`."""
+"""Makers of files by the name of their format in `flexid.readers.formats`."""

@@ -1,10 +1,10 @@
-"""One reader, led by atheris down paths that no file led it before.
+"""Fuzz test of one reader by atheris, guided by branch coverage.
 
     python -m benchmarks.fuzz_guided ESTIMATE FOLDER TARGET [options of libFuzzer]
 
-`benchmarks.fuzz --guided` runs it for every target. Every branch of flexid and of the libraries in
-Python that read for it is counted, and files that reach a new one are mutated further. What is a
-fault is what it is for `benchmarks.fuzz`.
+`benchmarks.fuzz --guided` runs it for every target. Branches of flexid and of the Python libraries
+that it reads with are counted, and files that reach a new branch are mutated further. Faults are
+defined as in `benchmarks.fuzz`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 
 import atheris
-import scipy.optimize  # noqa: F401 - before what is counted: of SciPy, only scipy.io reads files
+import scipy.optimize  # noqa: F401 - imported before the counting: only scipy.io reads files
 
 _READERS = ["flexid", "asammdf", "mcap", "rosbags", "tomllib", "scipy.io"]
 
@@ -35,7 +35,7 @@ def main() -> None:
         target = Targets(Path(estimate).read_bytes())[name]
         path = place / f"input{target.suffix}"
         with readers_inside():
-            for seed in target.seeds:  # so that what is imported when it is needed is counted, too
+            for seed in target.seeds:  # so that late imports are counted, too
                 tried(target, path, seed)
     corpus = place / "corpus"
     corpus.mkdir(exist_ok=True)

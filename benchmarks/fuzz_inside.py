@@ -1,8 +1,8 @@
-"""Readers in this process, for a fuzzer that tries thousands of files and counts branches.
+"""Readers without a child process, for fuzzing with thousands of files and branch counts.
 
-flexid starts a process for each file, which takes a quarter of a second and more. Here the same
-messages go through pipes to a thread. A library that ends its process ends this one: who calls
-notices, and tries the file once more as flexid reads it.
+flexid starts a process for each file, which takes a quarter of a second or more. Here the same
+messages go through pipes to a thread. A library that ends its process ends this one. The caller
+notices this and tries the file again as flexid reads it.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from unittest.mock import patch
 
 from flexid.readers import child, guard
 
-MEMORY = 2_000_000_000  # bytes that this process may have
+MEMORY = 2_000_000_000  # bytes, limit of this process
 
 
 class Inside:
-    """What `flexid.readers.guard` needs of a process, as a thread."""
+    """Thread with the methods of a process that `flexid.readers.guard` uses."""
 
     returncode = 0
 
@@ -36,7 +36,7 @@ class Inside:
         self._thread.start()
 
     def _run(self, module: str, path: str) -> None:
-        with suppress(OSError, ValueError):  # nobody listens any more
+        with suppress(OSError, ValueError):  # the reader has closed the pipe
             child.say(
                 lambda: child._send_contents(child.contents_of(module, Path(path))), self._questions
             )
@@ -44,10 +44,10 @@ class Inside:
             self._said.close()
 
     def kill(self) -> None:
-        """Let it end."""
+        """Do nothing: the thread ends by itself."""
 
     def communicate(self) -> None:
-        """Wait for its end."""
+        """Wait for the thread's end."""
         for pipe in (self.stdin, self.stdout):
             with suppress(OSError):
                 pipe.close()
@@ -57,7 +57,7 @@ class Inside:
 
 @contextmanager
 def readers_inside() -> Iterator[None]:
-    """Read files of other programs in this process, within a limit of memory."""
+    """Make flexid read other formats in this process, with a memory limit."""
     import resource
 
     before = resource.getrlimit(resource.RLIMIT_DATA)

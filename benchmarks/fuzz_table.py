@@ -1,4 +1,4 @@
-"""What became of the files of each reader, and the tables of it in `docs/reliability.md`."""
+"""Results of fuzzing by reader, and their tables in `docs/reliability.md`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "reliability.md"
 
 @dataclass
 class Tally:
-    """What became of the files of one target."""
+    """Counts of one target's files by result."""
 
     read: int = 0
     refused: int = 0
@@ -26,11 +26,11 @@ class Tally:
 
     @property
     def files(self) -> int:
-        """How many there were."""
+        """Number of files."""
         return self.read + self.refused + len(self.faults)
 
     def add(self, other: Tally) -> None:
-        """Join what another process tallied."""
+        """Add the counts of another process."""
         self.read += other.read
         self.refused += other.refused
         self.longest = max(self.longest, other.longest)
@@ -41,18 +41,18 @@ class Tally:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the page, with one row for each reader, which says when it was made.
+    """Table of the page, with one dated row for each reader.
 
     Parameters
     ----------
     name : str
-        Of its marks in the page.
+        Name of its marks in the page.
     options : str
-        Of the command that makes it.
+        Options of the command that makes it.
     columns : tuple of str
-        After the reader, the day and the seconds.
+        Headings after reader, day and seconds.
     cells : callable
-        What stands in them.
+        Function that returns the texts of these columns.
     """
 
     name: str
@@ -62,24 +62,24 @@ class Table:
 
     @property
     def head(self) -> tuple[str, str]:
-        """Its first two lines."""
+        """First two lines of the table."""
         columns = ("reader", "day", "s", *self.columns)
         return f"|{'|'.join(columns)}|", "|---" * len(columns) + "|"
 
     def row(self, name: str, tally: Tally) -> str:
-        """The row of a reader, of today."""
+        """Return the row of a reader, with today's date."""
         cells = (name, date.today().isoformat(), f"{tally.seconds:.0f}", *self.cells(tally))
         return f"|{'|'.join(cells)}|"
 
     def write(self, row: str, names: Iterable[str], page: Path = PAGE) -> None:
-        """Put a row into the page in place of the one of its reader.
+        """Replace a reader's row in the page.
 
         Parameters
         ----------
         row : str
-            See `row`.
+            Row made by `row`.
         names : iterable of str
-            All readers there are, in the table's order; rows of others go.
+            All readers in the table's order; rows of others are removed.
         page : Path, optional
         """
         before = block_of(page.read_text(encoding="utf-8"), self.name).splitlines()

@@ -1,4 +1,4 @@
-"""Every reader of files that come from outside, with files that it reads."""
+"""All readers of external files, with valid files for each."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ ROOT = Path(__file__).parents[1]
 
 @dataclass(frozen=True)
 class Target:
-    """A reader and what it is tried with.
+    """A reader and its valid files.
 
     Parameters
     ----------
     suffix : str
-        Of the files' names.
+        Suffix of the files' names.
     seeds : sequence of bytes
-        Files that are read.
+        Valid files.
     read : callable
-        Reads a path.
+        Function that reads a path.
     words : sequence of bytes
-        Of the format, for insertion.
+        Words of the format, for insertion.
     is_apart : bool
         Whether a child process reads it.
     """
@@ -59,7 +59,7 @@ _MAPS = (
 
 
 class Targets(Mapping[str, Target]):
-    """Every reader, by what it reads; its files are made when it is asked for.
+    """All readers, by what they read; files are made on request.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def _streams() -> dict[str, Callable[[], Target]]:
     from flexid.streaming.session import Session
 
     def watch(path: Path) -> None:
-        """Watch a text that comes in parts."""
+        """Watch a text that arrives in parts."""
         stream, raw = TextStream("stream"), path.read_bytes()
         session = Session(WatchOptions(0.005))
         for start in range(0, len(raw) + 1, 5_000):
@@ -160,7 +160,7 @@ def _streams() -> dict[str, Callable[[], Target]]:
                 session.feed(samples)
 
     def replay(path: Path) -> None:
-        """Play a log again, in parts."""
+        """Replay a log in parts."""
         with patch.object(incoming, "BLOCK", 30):
             for _ in incoming.Replay(path, None):
                 pass
@@ -173,7 +173,7 @@ def _streams() -> dict[str, Callable[[], Target]]:
 
 
 def made_estimate() -> bytes:
-    """An estimate of the example log's beginning."""
+    """Return an estimate of the example log's beginning."""
     from flexid.arrays import to_json
     from flexid.identification.identify import identify
     from flexid.identification.preparation.settings import Settings

@@ -156,7 +156,7 @@ def load(windows: int, identified: int) -> Load:
         for visitor in visitors[:identified]:
             visitor.ask("run", values={})
         for visitor in visitors[:identified]:
-            visitor.shown("result", "What the log says")
+            visitor.shown("result", "The result")
             answers.append(asking.answer_time())
         spent = time.monotonic() - begun
         return Load(checked, spent - checked, max(answers), peak[0])

@@ -1,1 +1,1 @@
-"""The paper's observer, and the closed loops in which it runs: derived, printed, compiled."""
+"""Observer and closed loops of Huang (2003): declarations, derivation, source and templates."""

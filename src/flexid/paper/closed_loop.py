@@ -1,4 +1,4 @@
-"""Closed loops in their controller's coordinates: system, controller, reference and observer."""
+"""Derivation and source of closed loops, in the coordinates of their controller."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from flexid.paper.observer import check_acceleration_free
 
 
 def insert(values: Mapping[sp.Symbol, sp.Expr], expression: sp.Expr) -> sp.Expr:
-    """Replace symbols by values, all at once; sums and products cancel what they can."""
+    """Replace symbols by values, all at once, with SymPy's automatic simplifications."""
     result = expression.xreplace(dict(values))
     assert isinstance(result, sp.Expr)
     return result
@@ -26,10 +26,10 @@ def insert(values: Mapping[sp.Symbol, sp.Expr], expression: sp.Expr) -> sp.Expr:
 # The states of the composed loop are the coordinates z and the estimation errors p̃, with
 #     z_i = x_i + g_i(z_1 … z_{i-1}, t)              the controller's triangular map,
 #     p̃' = -c r (rᵀ p̃)                               Huang (2003), eq. (7), row by row.
-# In plain coordinates a high-gain loop hides small errors behind large terms; here those cancel
-# while they are still symbols. So does one signal's derivative that is another (w2N = w1N').
+# In plain coordinates small errors of a high-gain loop are differences of large terms. In these the
+# large terms cancel symbolically, also where one signal is another's derivative (w2N = w1N').
 class Signals:
-    """The reference, its derivatives, and named functions of them, each kept as one symbol."""
+    """Functions of time: reference, derivatives, and definitions, each one symbol."""
 
     def __init__(self, reference: Multisine) -> None:
         names = {"t", *reference.parameters}
@@ -39,20 +39,20 @@ class Signals:
 
     @staticmethod
     def reference(order: int) -> sp.Symbol:
-        """The symbol of a derivative of the reference."""
-        # Orders beyond those a controller may name still occur in the time derivatives.
+        """Return the symbol of the reference's derivative of an order."""
+        # Time derivatives contain higher orders than a controller may use.
         return symbol(REFERENCE_NAMES[order] if order < len(REFERENCE_NAMES) else f"_qd_{order}")
 
     def add(self, name: sp.Symbol, value: sp.Expr) -> None:
-        """Name a function of the reference, its derivatives, parameters and earlier signals."""
+        """Add a function of the reference, its derivatives, parameters and earlier signals."""
         self._values[name] = insert(self._values, value)
 
     def derivative(self, expression: sp.Expr) -> sp.Expr:
-        """Time derivative; what is no signal is constant."""
+        """Return the time derivative; symbols other than signals are constant."""
         return sp.Add(*(sp.diff(expression, s) * self._rate(s) for s in self._in(expression)))
 
     def assignments(self, used: Collection[sp.Basic]) -> tuple[str, set[sp.Basic]]:
-        """Lines that compute those signals that occur among the given symbols."""
+        """Return the lines that compute the used signals, and all symbols used with them."""
         values = {s: v for s, v in self._values.items() if s in used}
         needed = set(used).union(*(v.free_symbols for v in values.values()))
         orders = [order for order in range(20) if self.reference(order) in needed]
@@ -84,7 +84,7 @@ class Signals:
         return self._rates[signal]
 
     def _named(self, value: sp.Expr, name: sp.Symbol) -> sp.Expr:
-        """The signal that has this value, a new one if there is none."""
+        """Return the signal with this value; add a new one if there is none."""
         if sp.expand(value) == 0:
             return sp.S.Zero
         for signal, known in self._values.items():
@@ -96,15 +96,15 @@ class Signals:
 
 @dataclass(frozen=True)
 class SymbolicLoop:
-    """A closed loop in symbols."""
+    """Closed loop in symbols."""
 
     declaration: LoopDeclaration
     signals: Signals  # the functions of time in the expressions below
-    # what is integrated: coordinates of the plant, then the observer's states
+    # variables of the integration: coordinates of the plant, then the estimation errors
     variables: tuple[sp.Symbol, ...]
-    # the variables as functions of the plain states and of the symbols start_estimate
+    # the variables as functions of the plain states and of `start_estimates`
     start: tuple[sp.Expr, ...]
-    # their time derivatives, as all that follows functions of the variables
+    # time derivatives of the variables; these and all below are functions of the variables
     rates: tuple[sp.Expr, ...]
     states: tuple[sp.Expr, ...]  # x
     inputs: tuple[sp.Expr, ...]  # u
@@ -115,12 +115,12 @@ class SymbolicLoop:
 
 
 def start_estimates(symbolic: SymbolicSystem) -> tuple[sp.Symbol, ...]:
-    """Symbols of the estimates at the start."""
+    """Return the symbols of the initial estimates."""
     return tuple(symbol(f"_start_{p}") for p in symbolic.coefficients)
 
 
 def compose_loop(declaration: LoopDeclaration) -> SymbolicLoop:
-    """Compose a closed loop in its controller's coordinates."""
+    """Derive a closed loop in its controller's coordinates."""
     symbolic = symbolic_system(declaration.system)
     check_acceleration_free(symbolic)
     signals, law = control_law(declaration, symbolic)
@@ -132,7 +132,7 @@ def compose_loop(declaration: LoopDeclaration) -> SymbolicLoop:
     known = plain | dict(zip(symbolic.inputs, inputs, strict=True))
     rates: list[sp.Expr] = []
     for shift, velocity in zip(shifts, symbolic.right_hand_side, strict=True):
-        # The chain runs through the rates found before, so what cancelled there stays cancelled.
+        # The chain rule uses the earlier rates, in which terms are already cancelled.
         moved = (sp.diff(shift, z) * rate for z, rate in zip(coordinates, rates, strict=False))
         rates.append(insert(known, velocity) + signals.derivative(shift) + sp.Add(*moved))
     regressors = [[insert(known, r) for r in row.regressor] for row in symbolic.rows]
@@ -158,7 +158,7 @@ def compose_loop(declaration: LoopDeclaration) -> SymbolicLoop:
 def control_law(
     declaration: LoopDeclaration, symbolic: SymbolicSystem
 ) -> tuple[Signals, dict[sp.Symbol, sp.Expr]]:
-    """The signals, and the law's inputs and coordinates as functions of states and signals."""
+    """Return the signals, and the law's inputs and coordinates in terms of states and signals."""
     controller = declaration.controller
     signals = Signals(declaration.reference)
     names = {*declaration.system.states, *declaration.system.constants, *controller.parameters}
@@ -185,7 +185,7 @@ def _invert(
     coordinates: Sequence[sp.Symbol],
     law: dict[sp.Symbol, sp.Expr],
 ) -> tuple[list[sp.Expr], tuple[sp.Expr, ...]]:
-    """The shifts g_i(z_<i, t) of the triangular map, and the states as functions of z."""
+    """Return the shifts g_i(z_<i, t) of the triangular map, and the states in terms of z."""
     shifts: list[sp.Expr] = []
     states: dict[sp.Symbol, sp.Expr] = {}
     for place, (state, z) in enumerate(zip(symbolic.states, coordinates, strict=True)):
@@ -204,7 +204,7 @@ def _invert(
 def _error_dynamics(
     symbolic: SymbolicSystem, regressors: Sequence[Sequence[sp.Expr]]
 ) -> tuple[tuple[sp.Symbol, ...], list[sp.Expr]]:
-    """The estimation errors and their rates, Huang (2003), eq. (7)."""
+    """Return the estimation errors and their rates, Huang (2003), eq. (7)."""
     errors = tuple(symbol(f"_error_{p}") for p in symbolic.coefficients)
     rates: list[sp.Expr] = []
     for place, regressor in enumerate(regressors):
@@ -215,13 +215,13 @@ def _error_dynamics(
 
 
 def _cancelled(expression: sp.Expr) -> sp.Expr:
-    """The expression, expanded if a symbol drops out of it that way."""
+    """Return the expression, expanded if that cancels a symbol."""
     expanded = sp.expand(expression)
     return expanded if expanded.free_symbols < expression.free_symbols else expression
 
 
 def stiff_loop_source(loop: SymbolicLoop) -> str:
-    """Print what an implicit integrator needs of a loop."""
+    """Print the functions of a loop for an implicit integrator."""
     size = range(len(loop.variables))
     rates = {f"_dz[{i}]": rate for i, rate in enumerate(loop.rates)}
     jacobian = {
@@ -250,7 +250,7 @@ def stiff_loop_source(loop: SymbolicLoop) -> str:
     return "\n\n".join((_loop_source(loop), *functions))
 
 
-# Products and sums in one instruction: faster, and no less accurate.
+# Fused multiply-add instructions are faster, and no less accurate.
 _FUSED = (
     'njit(error_model="numpy", fastmath={"contract"}, no_cpython_wrapper=True, '
     "no_cfunc_wrapper=True)"
@@ -258,7 +258,7 @@ _FUSED = (
 
 
 def lane_loop_source(loop: SymbolicLoop, lanes: int) -> str:
-    """Print what an explicit integrator of several runs needs; see the template ``dopri5``."""
+    """Print the functions of a loop for several runs at once; see the template ``dopri5``."""
     observed = [*loop.inputs, *loop.errors, loop.tracking_error, *loop.regressors]
     parts = {"RATES": loop.rates, "NEXT_OBSERVED": observed}
     rates, outputs = (
@@ -286,12 +286,12 @@ def lane_loop_source(loop: SymbolicLoop, lanes: int) -> str:
 
 
 def _of_lane(start: str) -> str:
-    """Place of each number of a block, for a lane."""
+    """Return the format of the place of a block's number in a lane."""
     return f"_w[at({start} + {{}}, _lane)]"
 
 
 def _loop_source(loop: SymbolicLoop) -> str:
-    """What every integrator needs of a loop."""
+    """Print the functions of a loop for any integrator: outputs and start."""
     outputs = [*loop.states, *loop.inputs, *loop.estimates, *loop.errors, loop.tracking_error]
     outputs += loop.regressors
     symbolic = symbolic_system(loop.declaration.system)
@@ -335,14 +335,14 @@ def loop_function(
     results: Mapping[str, sp.Expr],
     last: str = "",
 ) -> str:
-    """A compiled function of time, arrays and the loop's parameters ``_p``."""
+    """Print a compiled function of time, arrays and the loop's parameters ``_p``."""
     every = {**arrays, "_p": parameters(declaration)}
     places = {f"{array}[{{}}]": names for array, names in every.items()}
     return function(signature, docstring, _body(signals, places, "_t", results), last)
 
 
 def parameters(declaration: LoopDeclaration) -> list[sp.Symbol]:
-    """Symbols of a loop's parameters, in their order."""
+    """Return the symbols of a loop's parameters, in order."""
     return [symbol(name) for name in declaration.parameter_names]
 
 
@@ -352,7 +352,7 @@ def _body(
     time: str,
     results: Mapping[str, sp.Expr],
 ) -> str:
-    """Lines of a function of a loop: what is used is read, then signals, then the results."""
+    """Return a function's lines: reads of the used symbols, signals, then results."""
     used = set().union(*(expression.free_symbols for expression in results.values()))
     lines, used = signals.assignments(used)
     found = {s: place.format(i) for place, names in places.items() for i, s in enumerate(names)}

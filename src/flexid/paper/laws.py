@@ -1,4 +1,4 @@
-"""Controllers as declarations, and laws for the flexible joint."""
+"""Declaration of controllers, and control laws for the flexible joint."""
 
 import hashlib
 import json
@@ -21,26 +21,26 @@ class Controller:
     """A static feedback law."""
 
     name: str  # name of the law
-    tracked: str  # the state that shall follow the reference
+    tracked: str  # the state that follows the reference
     # each input of the system, as a function of states, reference, parameters and definitions
     inputs: Mapping[str, str]
-    # names and values; values can be replaced without a new derivation
+    # names and values; a new value needs no new derivation
     parameters: Mapping[str, float] = field(default_factory=dict)
-    # auxiliary quantities in the order in which they are computed; each may use those before it.
-    # Quantities that contain no state stay together in the derivation, and where the time
-    # derivative of one is another, the derivation finds that out and cancels them.
+    # auxiliary quantities in the order of computation; each may use earlier ones. Quantities
+    # without a state are kept as symbols; if the time derivative of one equals another, the
+    # derivation recognises this and cancels them.
     definitions: Mapping[str, str] = field(default_factory=dict)
-    # coordinates in which the closed loop is well conditioned, one per state of the system and in
-    # that order; each is its state plus something that depends on the states before it only, so
-    # that the map can be inverted one by one. The plain states if left out.
+    # coordinates in which the closed loop is well conditioned, one per state of the system, in
+    # the same order; each is its state plus a function of earlier states, so that the map can be
+    # inverted one by one. The plain states if left out.
     coordinates: Mapping[str, str] = field(default_factory=dict)
-    # parameters that follow from the others, in the order in which they are computed; each may
-    # use those before it. They are computed once for the values of a loop, not at every step.
+    # parameters computed from the others, in the order of computation; each may use earlier
+    # ones. They are computed once per loop, not at every step.
     derived: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("inputs", "definitions", "coordinates", "derived"):
-            # A SymPy expression prints as text of the same grammar, so text is the stored form.
+            # SymPy expressions are accepted as well, as they print in the same grammar.
             texts = {key: str(value) for key, value in getattr(self, name).items()}
             object.__setattr__(self, name, texts)
         values = {key: float(value) for key, value in self.parameters.items()}
@@ -48,7 +48,7 @@ class Controller:
 
     @cached_property
     def values(self) -> dict[str, float]:
-        """All parameters by name, those that follow from others last."""
+        """All parameters by name, derived ones last."""
         values = dict(self.parameters)
         for name, text in self.derived.items():
             values[name] = evaluate(text, values, f"{self.name}: {name}")
@@ -56,7 +56,7 @@ class Controller:
 
     @cached_property
     def digest(self) -> str:
-        """Hash of everything that a derivation depends on, which no parameter's value is."""
+        """Hash of everything that a derivation depends on, so without the parameters' values."""
         content = [
             self.name,
             self.tracked,
@@ -95,7 +95,7 @@ def robust_law(
     largest_motor_inertia: float = LARGEST_MOTOR_INERTIA,  # kg m²
     smallest_joint_stiffness: float = SMALLEST_JOINT_STIFFNESS,  # N m/rad
 ) -> Controller:
-    """Declare the law (11) for the flexible joint, by default with the values of Table I."""
+    """Declare the robust law (11) for the flexible joint, by default with Table I."""
     a, b, c = map(float, exponents)
     return Controller(
         **_DECLARED["robust"],
@@ -115,13 +115,13 @@ def robust_law(
 
 
 # P. Tomei, IEEE Transactions on Automatic Control 36 (1991) 1208. A constant reference is globally
-# stable if joint and motor-side stiffness exceed the gravity's.
+# stable if the stiffness of joint and position loop exceeds the gradient of gravity.
 def pd_gravity(
     proportional: float = 50.0,  # stiffness of the motor's position loop in N m/rad
     derivative: float = 10.0,  # its damping in N m s/rad
     nominal: Mapping[str, float] = NOMINAL,  # gravity_torque in N m, joint_stiffness in N m/rad
 ) -> Controller:
-    """Declare the law for the flexible joint."""
+    """Declare a PD law with gravity compensation for the flexible joint."""
     parameters = {
         "nominal_gravity_torque": nominal["gravity_torque"],
         "nominal_joint_stiffness": nominal["joint_stiffness"],

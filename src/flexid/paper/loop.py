@@ -1,4 +1,4 @@
-"""The declaration of a closed loop, and references with exact derivatives of every order."""
+"""Declaration of a closed loop, and references with exact derivatives of any order."""
 
 import hashlib
 from collections.abc import Sequence
@@ -15,9 +15,9 @@ from flexid.paper.laws import REFERENCE_NAMES, Controller
 
 @dataclass(frozen=True)
 class Multisine:
-    """q_d(t) = offset + Σ amplitude_i sin(angular_frequency_i t + phase_i)."""
+    """Reference q_d(t) = offset + Σ amplitude_i sin(angular_frequency_i t + phase_i)."""
 
-    amplitudes: Sequence[float]  # in rad (or the unit of the coordinate that follows)
+    amplitudes: Sequence[float]  # in rad, or the unit of the tracked coordinate
     angular_frequencies: Sequence[float]  # in rad/s, one per amplitude
     phases: Sequence[float] = ()  # in rad, one per amplitude; all zero if left out
     offset: float = 0.0  # in the unit of the amplitudes
@@ -36,7 +36,7 @@ class Multisine:
 
     @property
     def expression(self) -> str:
-        """q_d as a text expression in ``t`` and the parameters' names."""
+        """Reference q_d as a text expression in ``t`` and the parameters' names."""
         places = range(1, len(self.amplitudes) + 1)
         waves = (f"qd_amplitude{i}*sin(qd_frequency{i}*t + qd_phase{i})" for i in places)
         return " + ".join(["qd_offset", *waves])
@@ -54,17 +54,17 @@ class Multisine:
 
     @property
     def digest(self) -> str:
-        """Hash of what a derivation depends on: the expression, not the parameters' values."""
+        """Hash of what a derivation depends on: expression and names, but no values."""
         content = "\0".join((self.expression, *self.parameters))
         return hashlib.sha256(content.encode()).hexdigest()[:16]
 
     def evaluate(self, time: ArrayLike, order: int = 0) -> NDArray[np.float64]:
-        """Derivative of the given order."""
+        """Return the derivative of the given order at each time in s."""
         time = np.asarray(time, dtype=float)
         value = np.full(time.shape, self.offset if order == 0 else 0.0)
         waves = zip(self.amplitudes, self.angular_frequencies, self.phases, strict=True)
         for amplitude, frequency, phase in waves:
-            # Every derivative turns a sine by a quarter period; sin and cos keep that exact.
+            # Each derivative shifts a sine by a quarter period, which sin and cos give exactly.
             wave = np.cos if order % 2 else np.sin
             sign = -1.0 if order % 4 >= 2 else 1.0
             value += sign * amplitude * frequency**order * wave(frequency * time + phase)
@@ -74,18 +74,18 @@ class Multisine:
 def sinusoid(
     amplitude: float, angular_frequency: float, phase: float = 0.0, offset: float = 0.0
 ) -> Multisine:
-    """One sine wave, the reference of Huang (2003), section 5; see `Multisine` for the units."""
+    """Return one sine wave, the reference of Huang (2003), section 5; units as in `Multisine`."""
     return Multisine((amplitude,), (angular_frequency,), (phase,), offset)
 
 
 def constant(value: float) -> Multisine:
-    """A reference that stands still."""
+    """Return a constant reference."""
     return Multisine((), (), (), value)
 
 
 @dataclass(frozen=True)
 class LoopDeclaration:
-    """System, controller and reference that fit together."""
+    """System, controller and reference of a closed loop, checked for consistency."""
 
     system: ParametricSystem
     controller: Controller
@@ -98,7 +98,7 @@ class LoopDeclaration:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Order of the run-time parameters of a compiled loop, the observer's gains last."""
+        """Names of a compiled loop's run-time parameters, in order, the observer's gains last."""
         return (
             *self.system.coefficients,
             *self.system.constants,
@@ -110,7 +110,7 @@ class LoopDeclaration:
 
     @property
     def coordinates(self) -> dict[str, str]:
-        """The controller's coordinates, or the plain states."""
+        """Coordinates of the controller, or the plain states if it has none."""
         return dict(self.controller.coordinates) or {x: x for x in self.system.states}
 
     @property

@@ -1,4 +1,4 @@
-"""The parametric observer of Huang (2003), eqs. (2)-(3), derived for every row of a model."""
+"""Derivation of the parametric observer of Huang (2003), eqs. (2)-(3), for any model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,11 +18,11 @@ from flexid.models.parametric_system import ParametricSystem
 
 @dataclass(frozen=True)
 class ObserverRow:
-    """The observer of one row; every tuple has one entry per coefficient of the row."""
+    """Observer of one row; every tuple has one entry per coefficient of the row."""
 
     row: SymbolicRow
     gain: sp.Symbol  # c, a positive number
-    immersion: tuple[sp.Expr, ...]  # b, where necessary an unevaluated integral
+    immersion: tuple[sp.Expr, ...]  # b: a closed form or an unevaluated integral
     cancelling: tuple[sp.Expr, ...]  # C
     intermediate: tuple[sp.Symbol, ...]  # the observer's states y
     estimates: tuple[sp.Symbol, ...]  # p̂
@@ -30,34 +30,34 @@ class ObserverRow:
 
     @property
     def prediction(self) -> sp.Expr:
-        """rᵀp̂ + k: the acceleration that the estimates predict."""
+        """Acceleration rᵀp̂ + k that the estimates predict."""
         products = (p * r for p, r in zip(self.estimates, self.row.regressor, strict=True))
         return sp.Add(*products) + self.row.known
 
     @property
     def outputs(self) -> tuple[sp.Expr, ...]:
-        """p̂ as functions of y and x: Huang (2003), eq. (2)."""
+        """Estimates p̂ as functions of y and x: Huang (2003), eq. (2)."""
         pairs = zip(self.intermediate, self.immersion, strict=True)
         return tuple(y + self.gain * b for y, b in pairs)
 
     @property
     def updates(self) -> tuple[sp.Expr, ...]:
-        """y' as functions of p̂, x and u: Huang (2003), eq. (3)."""
+        """Rates y' as functions of p̂, x and u: Huang (2003), eq. (3)."""
         pairs = zip(self.row.regressor, self.cancelling, strict=True)
         return tuple(-self.gain * (r * self.prediction + C) for r, C in pairs)
 
 
 @dataclass(frozen=True)
 class SymbolicObserver:
-    """The parametric observer of a model."""
+    """Parametric observer of a model."""
 
     symbolic: SymbolicSystem
     rows: tuple[ObserverRow, ...]
-    rates: tuple[sp.Symbol, ...]  # of the inputs, one each, whether needed or not
+    rates: tuple[sp.Symbol, ...]  # of all inputs, one each
 
     @property
     def input_rates(self) -> tuple[sp.Symbol, ...]:
-        """The rates that the observer really needs: u' where a regressor depends on u."""
+        """Rates u' of the inputs that occur in a regressor, as the observer needs only these."""
         used = {s for row in self.rows for C in row.cancelling for s in C.free_symbols}
         return tuple(rate for rate in self.rates if rate in used)
 
@@ -73,7 +73,7 @@ class SymbolicObserver:
 
     @property
     def gains(self) -> tuple[sp.Symbol, ...]:
-        """The gain of each row."""
+        """Gain of each row."""
         return tuple(row.gain for row in self.rows)
 
 
@@ -101,7 +101,7 @@ def check_acceleration_free(symbolic: SymbolicSystem) -> None:
 
 
 def error_dynamics(observer: SymbolicObserver) -> tuple[tuple[sp.Expr, ...], ...]:
-    """Differentiate the estimates along the model, eq. (1), and insert the update laws."""
+    """Return p̃' of each row, from eqs. (1) to (3) of Huang (2003)."""
     symbolic = observer.symbolic
     moving = [*symbolic.states, *symbolic.inputs]
     rates = [*symbolic.right_hand_side, *observer.rates]
@@ -149,7 +149,7 @@ def _derive_row(
 
 
 def _check_distinct(symbolic: SymbolicSystem, row: SymbolicRow) -> None:
-    """Raise `ModelError` if a regressor is 0, or that of another coefficient but for its sign."""
+    """Raise `ModelError` if a regressor is 0, or equals plus or minus another one of the row."""
     found: dict[sp.Expr, str] = {}
     for coefficient, regressor in zip(map(str, row.coefficients), row.regressor, strict=True):
         other = found.get(regressor, found.get(-regressor))
@@ -166,7 +166,7 @@ def _check_distinct(symbolic: SymbolicSystem, row: SymbolicRow) -> None:
 def _without_other_velocities(
     symbolic: SymbolicSystem, row: SymbolicRow, coefficient: str, regressor: sp.Expr
 ) -> sp.Expr:
-    """The regressor, after making sure that its cancelling term needs no acceleration."""
+    """Return the simplified regressor; raise if its cancelling term needs an acceleration."""
     others = [other.velocity for other in symbolic.rows if other.velocity != row.velocity]
     if any(regressor.has(velocity) for velocity in others):
         regressor = sp.simplify(regressor)  # sin(v)**2 + cos(v)**2 does not depend on v
@@ -179,7 +179,7 @@ def _without_other_velocities(
 def _check_rest(
     symbolic: SymbolicSystem, row: SymbolicRow, coefficient: str, regressor: sp.Expr
 ) -> None:
-    """Raise `ModelError` if a regressor has no value at rest, where its integral begins."""
+    """Raise `ModelError` if a regressor is undefined at rest, where its integral starts."""
     if regressor.subs(row.velocity, 0).has(sp.zoo, sp.nan, sp.oo, -sp.oo):
         v = row.velocity
         raise ModelError(
@@ -197,7 +197,7 @@ def _cancelling(
     b: sp.Expr,
     rates: tuple[sp.Symbol, ...],
 ) -> sp.Expr:
-    """C = Σ xᵢ' ∂b/∂xᵢ over the coordinates and the inputs."""
+    """Return C = Σ xᵢ' ∂b/∂xᵢ over the coordinates and the inputs."""
     moving = [(other.coordinate, other.velocity) for other in symbolic.rows]
     moving += zip(symbolic.inputs, rates, strict=True)
     total = sp.S.Zero
@@ -217,12 +217,12 @@ def _cancelling(
 VARIABLE = sp.Symbol("_xi", real=True)  # the variable of integration
 
 
-# Closed where that is plain: polynomials in v, |v| and sign v, tanh of a straight line in v. Of
-# anything else an antiderivative may return -inf or lose all digits.
+# There are closed forms for polynomials in v, |v| and sign v, and for tanh of a linear function of
+# v. Other antiderivatives may evaluate to -inf or lose all digits.
 def immersion(
     regressor: sp.Expr, velocity: sp.Symbol, constants: Sequence[sp.Symbol] = ()
 ) -> sp.Expr:
-    """b = ∫₀^v r dξ, Huang (2003), eq. (2): a closed form, or an unevaluated integral."""
+    """Return b = ∫₀^v r dξ, Huang (2003), eq. (2): a closed form or an unevaluated integral."""
     # Between 0 and v the variable keeps the sign of v, so |ξ| = sign(v) ξ.
     side = sp.Dummy("side", nonzero=True, real=True)
     smooth = regressor.subs({sp.Abs(velocity): side * velocity, sp.sign(velocity): side})
@@ -238,7 +238,7 @@ def immersion(
 
 
 def _integral(term: sp.Expr, velocity: sp.Symbol, constants: Sequence[sp.Symbol]) -> sp.Expr | None:
-    """The closed form of one term; None if it has no plain one."""
+    """Return the closed form of one term's integral; None if it has no simple one."""
     factor, rest = term.as_independent(velocity, as_Add=False)
     if rest.is_polynomial(velocity):
         # Term by term, not by substitution: ((v + a)³ - a³)/3 would cancel for small v.
@@ -254,23 +254,23 @@ def _integral(term: sp.Expr, velocity: sp.Symbol, constants: Sequence[sp.Symbol]
 
 
 class LogCosh(sp.Function):
-    """ln cosh z, the integral of tanh z, in a form that is right for any size of z."""
+    """ln cosh z, the integral of tanh z, printed in a form that is accurate for any z."""
 
     nargs = 1
 
     @classmethod
     def eval(cls, z: sp.Expr) -> sp.Expr | None:  # type: ignore[override] - SymPy takes any arity
-        """Value at zero; the function is even."""
+        """Simplify the value at zero, and the sign of z, as the function is even."""
         if z.is_zero:
             return sp.S.Zero
         return cls(-z) if z.could_extract_minus_sign() else None
 
     def fdiff(self, argindex: int = 1) -> sp.Expr:  # noqa: ARG002, the protocol of SymPy
-        """Derivative: tanh z."""
+        """Return the derivative tanh z."""
         return sp.tanh(self.args[0])
 
     def stable(self) -> sp.Expr:
-        """|z| + ln(1 + exp(-2|z|)) - ln 2, which neither overflows nor cancels for large |z|."""
+        """Return |z| + ln(1 + exp(-2|z|)) - ln 2, which is accurate for large |z| as well."""
         size = sp.Abs(self.args[0])
         return size + sp.log(1 + sp.exp(-2 * size)) - sp.log(2)
 
@@ -290,14 +290,14 @@ class LogCosh(sp.Function):
 
 
 def log_cosh(z: sp.Expr) -> sp.Expr:
-    """ln cosh z as a plain expression."""
+    """Return ln cosh z as an `sp.Expr`."""
     return cast(sp.Expr, LogCosh(z))
 
 
-# The fixed rule by which generated code integrates a regressor over a velocity. Friction changes
-# within a fraction of a rad/s while velocities reach a hundred, so plain Gauss-Legendre nodes on
-# [0, v] would step over all that happens near zero. Panels halve towards zero, with the same number
-# of nodes each; as they scale with v, the whole rule is one table of nodes on [0, 1].
+# Generated code integrates a regressor over a velocity with this fixed rule. Friction changes
+# within a fraction of a rad/s while velocities reach a hundred, so Gauss-Legendre nodes on all of
+# [0, v] would miss the changes near zero. Panels halve towards zero, each with as many nodes. They
+# scale with v, so one table of nodes on [0, 1] is enough.
 
 _PANELS = 10  # the first ends at v / 2⁹
 _NODES_PER_PANEL = 8
@@ -305,7 +305,7 @@ _NODES_PER_PANEL = 8
 
 @cache
 def graded_rule() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Nodes and weights on [0, 1], dense towards 0: ∫₀^v r dξ ≈ v Σ weights r(v nodes)."""
+    """Return nodes and weights on [0, 1], dense near 0: ∫₀^v r dξ ≈ v Σ weights r(v nodes)."""
     ends = np.concatenate([[0.0], 2.0 ** np.arange(1 - _PANELS, 1)])
     nodes, weights = np.polynomial.legendre.leggauss(_NODES_PER_PANEL)
     starts, widths = ends[:-1, None], np.diff(ends)[:, None]

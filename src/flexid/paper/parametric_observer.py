@@ -1,4 +1,4 @@
-"""The parametric observer of Huang (2003), sampled, as an estimator."""
+"""Parametric observer of Huang (2003) in discrete time, as an online estimator."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,14 +18,14 @@ from flexid.recording.recording import Hold
 
 
 # The estimates obey p' = G r (v' - rᵀp - k), eqs. (2)-(3). Over an interval the integral of r v' is
-# r̄ Δv with r̄ at its middle: neither accelerations nor the closed-form immersion is needed. The
-# status is never `USED`: a constant gain cannot know what the motion determines.
+# r̄ Δv with r̄ the mean of both ends, so neither accelerations nor the immersion are needed. The
+# status is never `USED`: with a constant gain there is no measure of what the motion determines.
 @dataclass(frozen=True, eq=False)
 class ParametricObserver(OnlineEstimator):
-    """The observer with its gains; made by `parametric_observer`."""
+    """Observer with constant gains; made by `parametric_observer`."""
 
-    # (n_coefficients,): diagonal of G; in the paper c1 for each coefficient of the link, c2
-    # for each of the motor
+    # (n_coefficients,): diagonal of G; in the paper c1 for the link's coefficients, c2 for the
+    # motor's
     gains: FloatArray
     _first_coefficient: ClassVar[int] = 1
 
@@ -38,14 +38,14 @@ def parametric_observer(
     Parameters
     ----------
     system : ParametricSystem
-        The model; its constants have the values declared in it.
+        Model, with the values of its constants.
     gain : mapping of str to float
-        A gain for each coefficient, or one for all coefficients of a row under the row's name: the
-        paper's c1 and c2 are ``{"link": c1, "motor": c2}``.
+        Gain of each coefficient, or of all coefficients of a row under the row's name: the paper's
+        c1 and c2 are ``{"link": c1, "motor": c2}``.
     sample_time : float
         Time between samples in s.
     hold : {"linear", "zero"}, optional
-        Whether the inputs run linearly between samples or are constant until the next one.
+        Whether the inputs are linear between samples or constant until the next one.
 
     Returns
     -------
@@ -70,8 +70,8 @@ def parametric_observer(
 def suggest_gains(
     samples: Samples, system: ParametricSystem, convergence_rate: float = 1.0
 ) -> dict[str, float]:
-    """Gains rate / (k mean r²) under which each row's error decays at about a given rate."""
-    # With k coefficients in a row, all weigh alike in r̄ᵀG r̄ whatever their units.
+    """Return gains rate / (k mean r²), with which errors decay at about the given rate in 1/s."""
+    # The k coefficients of a row then have equal shares of r̄ᵀG r̄, independent of their units.
     squares = [np.mean(signal**2) for signal in regressors(samples, system)]
     counts = [len(row.coefficients) for row in system.rows for _ in row.coefficients]
     return {

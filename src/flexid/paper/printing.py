@@ -1,4 +1,4 @@
-"""The observer's equations grouped as in the paper: in LaTeX, in plain Python, in C99."""
+"""Print the observer's equations, grouped as in the paper, in LaTeX, Python and C99."""
 
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -18,15 +18,15 @@ from flexid.paper.observer import VARIABLE, SymbolicObserver, graded_rule
 
 @dataclass(frozen=True)
 class _Row:
-    """Eqs. (2) and (3) of Huang (2003) for a row, in a language."""
+    """Printed eqs. (2) and (3) of Huang (2003) for one row."""
 
     estimates: dict[str, str]  # p̂ of eq. (2)
-    abbreviation: tuple[str, str]  # s, and what it stands for
+    abbreviation: tuple[str, str]  # s, and its expression
     rates: dict[sp.Symbol, str]  # y' of eq. (3), by y
 
 
 def fresh_names(observer: SymbolicObserver) -> FreshNames:
-    """Names that neither the model nor its observer uses."""
+    """Return a source of names that neither the model nor its observer uses."""
     system = observer.symbolic.system
     used = [*system.variables, *system.coefficients, *map(str, observer.rates)]
     for row in observer.rows:
@@ -35,7 +35,7 @@ def fresh_names(observer: SymbolicObserver) -> FreshNames:
 
 
 def argument_groups(observer: SymbolicObserver) -> tuple[tuple[sp.Symbol, ...], ...]:
-    """What a printed function takes: states, inputs, their rates, own states, gains, constants."""
+    """Return the arguments: states, inputs, their rates, observer states, gains, constants."""
     return (
         observer.symbolic.states,
         observer.symbolic.inputs,
@@ -50,7 +50,7 @@ def _rows(
     observer: SymbolicObserver,
     names: FreshNames,  # from which the abbreviations are taken
     show: Callable[[sp.Expr], str],
-    bracket: str,  # of a gain and what it multiplies
+    bracket: str,  # format of a gain times a sum
 ) -> list[_Row]:
     letters = ["s", "r", *(f"s{number}" for number in range(3, len(observer.rows) + 1))]
     found = []
@@ -91,7 +91,7 @@ def _tidy(expression: sp.Expr) -> sp.Expr:
 
 
 def joined(first: str, second: str) -> str:
-    """Two printed terms as a sum."""
+    """Join two printed terms to a sum."""
     if second == "0":
         return first
     if second.startswith("-"):
@@ -124,7 +124,7 @@ def _symbol_names(observer: SymbolicObserver) -> dict[sp.Symbol, str]:
 
 
 def latex_name(name: str, accent: str = "") -> str:
-    r"""A declared name in LaTeX: ``theta1`` as θ₁, ``link_offset`` upright with a subscript."""
+    r"""Print a declared name: ``theta1`` as θ₁, ``link_offset`` upright with a subscript."""
     match = re.fullmatch(r"([A-Za-z]+)(\d*)(?:_(\w+?))?(_*)", name, re.ASCII)
     if match is None:
         escaped = name.replace("_", r"\_")
@@ -144,7 +144,7 @@ def latex_name(name: str, accent: str = "") -> str:
 
 @dataclass(frozen=True)
 class _Equations:
-    """Eqs. (2) and (3) of Huang (2003) in a language."""
+    """Printed eqs. (2) and (3) of Huang (2003) for all rows."""
 
     integrals: dict[str, tuple[str, str]]  # by name: upper limit and integrand
     estimates: dict[str, str]  # eq. (2)
@@ -152,7 +152,7 @@ class _Equations:
     rates: list[str]  # eq. (3)
 
     def needed(self, lines: Iterable[str]) -> tuple[dict[str, tuple[str, str]], set[str]]:
-        """The integrals that some lines need, and all names that occur then."""
+        """Return the integrals that some lines use, and all names in both."""
         names = _names(lines)
         found = {name: parts for name, parts in self.integrals.items() if name in names}
         return found, names.union(*map(_names, found.values()))
@@ -178,7 +178,7 @@ def _equations(
 
 
 class _PythonPrinter(PythonCodePrinter):
-    """Notes what it has used: names of `math` in ``module_imports``."""
+    """Printer that records the names used from `math` in ``module_imports``."""
 
     def _print_Exp1(self, expr: sp.NumberSymbol) -> str:  # noqa: ARG002, N802 - SymPy's
         return f"{self._module_format('math.exp')}(1)"  # a model may have its own e
@@ -247,12 +247,12 @@ def python_observer(observer: SymbolicObserver) -> str:
 
 
 def _tuple(symbols: Sequence[sp.Symbol]) -> str:
-    """The symbols as a Python tuple without parentheses."""
+    """Print the symbols as a Python tuple without parentheses."""
     return ", ".join(map(str, symbols)) + ("," if len(symbols) == 1 else "")
 
 
 class _CPrinter(C99CodePrinter):
-    """Products for small powers, and no macro that C99 does not have."""
+    """Printer of small powers as products, and of constants as numbers, not as macros."""
 
     def _print_NumberSymbol(self, expr: sp.NumberSymbol) -> str:  # noqa: N802 - SymPy's
         return repr(float(expr))
@@ -267,7 +267,7 @@ class _CPrinter(C99CodePrinter):
 
 
 def c_observer(observer: SymbolicObserver) -> str:
-    """Print an observer as two C99 functions that allocate nothing."""
+    """Print an observer as two C99 functions that allocate no memory."""
     printer, names = _CPrinter({"math_macros": {}}), fresh_names(observer)
     symbols = [s for group in argument_groups(observer) for s in group]
     own = [str(s) for s in (*symbols, *(p for row in observer.rows for p in row.estimates))]

@@ -1,4 +1,4 @@
-"""The studio: a page on the loopback in which logs are identified."""
+"""Studio: a local web page for identification of logs."""
 
 from importlib.util import find_spec
 

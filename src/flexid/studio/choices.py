@@ -1,4 +1,4 @@
-"""What a window has chosen, in its form or its address (the same keys).
+"""Choices of a window, read from its form or its address, which have the same keys.
 
 ``room=identify  hold=zero  terms=gravity,motor_viscous  unit.motor_position=deg``
 """
@@ -35,9 +35,9 @@ MOST_KEYS = 80
 
 
 def texts_of(values: object) -> dict[str, str]:
-    """Texts by key, as many and as long as a form has; what is no text is left out."""
+    """Return the texts by key, leaving other values out; raise if too many or too long."""
     if not isinstance(values, Mapping) or len(values) > MOST_KEYS:
-        raise SettingError("address", "it holds what the studio does not know: open it without")
+        raise SettingError("address", "it has too many values: open the studio without them")
     texts = {}
     for key, value in values.items():
         if isinstance(key, str) and isinstance(value, str):
@@ -54,16 +54,16 @@ ALL_TERMS = tuple(dict.fromkeys([*TERMS, *SHAPE_TERMS, *RIGID_TERMS]))
 
 @dataclass(frozen=True)
 class Source:
-    """Where a channel comes from."""
+    """Column of a channel, with its unit, scale and offset."""
 
     column: str  # a header of the file
-    unit: str = ""  # its unit; empty for what the header says, or SI
-    scale: float = 1.0  # in the unit
+    unit: str = ""  # unit of the column; if empty, the header's unit, or else SI
+    scale: float = 1.0  # factor from the column to the channel, both in the unit
     offset: float = 0.0  # in the unit
 
     @property
     def stated(self) -> dict[str, Any]:
-        """What differs from the column as it is, by name."""
+        """Fields that differ from their defaults, and the column, by name."""
         usual = Source("")
         stated = {f.name: getattr(self, f.name) for f in fields(self)}
         return {name: value for name, value in stated.items() if value != getattr(usual, name)}
@@ -71,19 +71,19 @@ class Source:
 
 @dataclass(frozen=True)
 class Choices:
-    """What a window has chosen."""
+    """Choices of a window: columns and settings."""
 
     sources: Mapping[str, Source] = field(default_factory=dict)
     gear_ratio: float | None = None
     model: str = "auto"
     hold: str = "auto"
     terms: tuple[str, ...] | None = None  # terms of the model; chosen from the log if None
-    ran: bool = False  # whether it was run
-    lead: float | None = None  # m in a turn of the motor
+    ran: bool = False  # whether an identification was run
+    lead: float | None = None  # m per turn of the motor
 
     @property
     def column_map(self) -> dict[str, Any] | None:
-        """The choices as a column map; None where the names of the columns decide."""
+        """Choices as a column map; None if the names of the columns decide."""
         if not self.sources:
             return None
         entries: dict[str, Any] = dict.fromkeys(SI_UNITS, False)
@@ -93,7 +93,7 @@ class Choices:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Keywords for `flexid.identify`."""
+        """Keyword arguments for `flexid.identify`."""
         return {
             "model": self.model,
             "hold": self.hold,
@@ -102,7 +102,7 @@ class Choices:
 
 
 def read_choices(values: object) -> Choices:
-    """Choices from a form or an address, without unknown keys and ``log``, which is no path."""
+    """Read choices from a form or an address; unknown keys are ignored, and no key is a path."""
     texts = texts_of(values)
     sources = {}
     for channel in SI_UNITS:
@@ -140,23 +140,23 @@ def _number(what: str, text: str, default: float) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise SettingError(
-            what, f"{text[:40]!r} is no number: write one such as 0.5, 1/101 or -1.5e-3"
+            what, f"{text[:40]!r} is not a number: write one such as 0.5, 1/101 or -1.5e-3"
         )
     return value
 
 
 def _terms(text: str) -> tuple[str, ...]:
     names = {one_of("terms", name, ALL_TERMS) for name in text.split(",") if name}
-    return tuple(name for name in ALL_TERMS if name in names)  # however an address orders them
+    return tuple(name for name in ALL_TERMS if name in names)  # in a fixed order
 
 
 READINGS = {reading_name(exponents): MEANINGS[exponents] for exponents in SIMULATED}
-"""The readings of the printed gains whose loop stays bounded, and what they stand for."""
+"""Readings of the printed gains whose loop stays bounded, with their meanings."""
 
 
 @dataclass(frozen=True)
 class Slider:
-    """A number that is played with."""
+    """Slider for one number of the closed loop."""
 
     name: str
     label: str
@@ -164,7 +164,7 @@ class Slider:
     group: str
     lowest: float
     highest: float
-    start: float  # that of Table I of Huang (2003)
+    start: float  # value in Table I of Huang (2003)
     logarithmic: bool = True
 
 
@@ -188,20 +188,20 @@ SLIDERS = (
 
 @dataclass(frozen=True)
 class PlayChoices:
-    """What is played."""
+    """Choices for a run of the closed loop."""
 
     reading: str  # powers of k in the three feedback gains: a key of `READINGS`
     sampled: bool
-    numbers: tuple[float, ...]  # of `SLIDERS`
+    numbers: tuple[float, ...]  # one per slider, in the order of `SLIDERS`
 
     @property
     def values(self) -> Mapping[str, float]:
-        """What each slider stands at, by its name."""
+        """Value of each slider, by its name."""
         return {slider.name: x for slider, x in zip(SLIDERS, self.numbers, strict=True)}
 
     @property
     def loop(self) -> ClosedLoop:
-        """The closed loop of the paper with these values."""
+        """Closed loop of the paper with these values."""
         v = self.values
         a, b, c = map(int, self.reading.split(","))
         return table1_loop(
@@ -214,7 +214,7 @@ class PlayChoices:
 
     @property
     def sampling(self) -> Sampling | None:
-        """How it is sampled; None where the drive is ideal."""
+        """Sampling, noise and torque limit; None if the drive is ideal."""
         from flexid.simulation.sampled import Sampling
 
         if not self.sampled:
@@ -226,11 +226,11 @@ class PlayChoices:
 
 
 TABLE1 = PlayChoices("1,2,3", False, tuple(slider.start for slider in SLIDERS))
-"""Table I of Huang (2003)."""
+"""Choices of Table I of Huang (2003)."""
 
 
 def read_play(values: object, prefix: str = "") -> PlayChoices:
-    """What a form or an address holds; what is not there is that of Table I."""
+    """Read choices from a form or an address; missing values are those of Table I."""
     texts = texts_of(values)
     reading = one_of("reading", texts.get(f"{prefix}reading", "1,2,3"), READINGS)
     given = ((slider, texts.get(f"{prefix}{slider.name}")) for slider in SLIDERS)

@@ -1,4 +1,4 @@
-"""Who is let in, before any part of the studio sees a request; and which logs."""
+"""Checks of requests before the studio handles them, and of uploaded logs."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ _HEADERS = {
 }
 
 
-# A page of another origin can send requests to the loopback, and with a name that resolves to
-# 127.0.0.1 read the answers. So name and origin of a request have to be the studio's own.
+# A page of another origin can send requests to the loopback and, with a host name that resolves to
+# 127.0.0.1, read the answers. So host and origin of a request must be the studio's own.
 class Guard:
-    """An ASGI application that lets through to another what may pass."""
+    """ASGI middleware that refuses requests from other pages or under other host names."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, or hand it on."""
+        """Refuse a request or pass it to the application."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -61,7 +61,7 @@ class Guard:
             await refusal(scope, receive, self._with_headers(send))
 
     def _with_headers(self, send: Send) -> Send:
-        """Send with each answer what keeps a browser from doing more than it has to."""
+        """Return `send` with security headers added to each response."""
 
         async def sending(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -73,22 +73,22 @@ class Guard:
         return sending
 
     def _refusal(self, scope: Scope) -> Response | None:
-        """The answer to who is not let in; None for who is."""
+        """Return the response that refuses a request; None if it may pass."""
         connection = HTTPConnection(scope)
         host = connection.headers.get("host", "")
         if not _is_ours(host):
-            return _refused("the studio is not called so: open the address that it printed")
+            return _refused("the host name is not the studio's: open the address that it printed")
         origin = connection.headers.get("origin")
         acts = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
         if (origin is None and acts) or (
             origin is not None and origin not in (f"http://{host}", f"https://{host}")
         ):
-            return _refused("the request comes from another page")
+            return _refused("the request comes from another page: open the studio's address")
         return None
 
 
 def _is_ours(host: str) -> bool:
-    """Whether a Host header names the loopback by its number, which nobody can redirect."""
+    """Whether a Host header is localhost or a loopback number, which DNS cannot redirect."""
     try:
         name = urlsplit(f"//{host}").hostname or ""
         return name == "localhost" or ipaddress.ip_address(name).is_loopback
@@ -100,14 +100,14 @@ def _refused(reason: str) -> Response:
     return PlainTextResponse(f"flexid studio: {reason}\n", 403)
 
 
-LARGEST_UPLOAD = 100_000_000  # bytes; read at once, at about four times that in memory
+LARGEST_UPLOAD = 100_000_000  # bytes; reading one takes about four times that in memory
 SUFFIXES = suffixes()
 _LONGEST_NAME = 80
 
 
 @dataclass(eq=False, repr=False)
 class UploadError(FlexidError):
-    """A log is not taken."""
+    """A log cannot be uploaded."""
 
     reason: str
     status: int  # of HTTP
@@ -115,7 +115,7 @@ class UploadError(FlexidError):
 
 
 def safe_name(name: str) -> str:
-    """A name for a file from what a browser says: its last part, of plain characters."""
+    """Return a safe file name: the last part of a browser's name, in plain characters."""
     last = re.split(r"[/\\]", name)[-1]
     stem, dot, suffix = last.rpartition(".")
     if not dot or f".{suffix.lower()}" not in SUFFIXES:
@@ -129,9 +129,9 @@ def safe_name(name: str) -> str:
 
 
 async def save(chunks: AsyncIterator[bytes], name: str, folder: Path) -> Path:
-    """Write a log into a folder, as far as it is not too large."""
+    """Write an uploaded log into a folder and return its path; raise if it is too large."""
     path = folder / safe_name(name)
-    size, part = 0, folder / f".{secrets.token_hex(8)}"  # no log's name begins so
+    size, part = 0, folder / f".{secrets.token_hex(8)}"  # no safe name starts with a dot
     try:
         with part.open("wb") as file:
             async for chunk in chunks:

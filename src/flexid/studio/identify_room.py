@@ -1,4 +1,4 @@
-"""Identify: a log, its columns, what it shows, and what is found in it."""
+"""Room for identification: the log, its columns, checks and the result."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ EXPORTS = {
     "fmu": "the plant as FMUs",
     "mjcf": "the joint as a MuJoCo scene",
 }
-_FILLED = ("columns", "check", "check-charts", "run", "run-state", "result")
+_PLACES = ("columns", "check", "check-charts", "run", "run-state", "result")
 
 
 class IdentifyRoom:
-    """The room of one window."""
+    """Identification room of one window."""
 
     def __init__(self, window: Window) -> None:
         self._window = window
         self._choices = Choices()
         self._log: Path | None = None
         self._overview: FileOverview | None = None
-        self._shown: Path | None = None  # the folder of the result that the page shows
-        self._sample_time = 0.0  # s, of its log
+        self._shown: Path | None = None  # folder of the result on the page
+        self._sample_time = 0.0  # s, of the log of that result
 
     async def open(self, values: object) -> None:
-        """Begin with what an address holds, and with the log of the command line."""
+        """Start with the choices in an address, and with the log of the command line."""
         try:
             self._choices = read_choices(values)
         except FlexidError as error:
@@ -51,38 +51,38 @@ class IdentifyRoom:
             self._take(log)
 
     def uploaded(self, path: Path) -> None:
-        """Go on with a log that was sent."""
+        """Switch to an uploaded log."""
         self._choices = replace(self._choices, ran=False)
         self._take(path)
 
     async def on_columns(self, values: object, _target: object) -> None:
-        """Take what stands in the forms, and check the log again."""
+        """Read the forms and check the log again."""
         await self._set(values)
         if self._log is not None:
             self._window.start("check", self._check(), "check")
 
     async def on_settings(self, values: object, _target: object) -> None:
-        """Take what stands in the forms, where the log is read as before."""
+        """Read the forms; the columns are unchanged, so the log is not checked again."""
         await self._set(values)
 
     async def on_run(self, values: object, _target: object) -> None:
-        """Identify."""
+        """Read the forms and start an identification."""
         await self._set(values)
         if self._log is not None:
             self._window.start("run", self._run(), "run-state")
 
     async def on_cancel(self, _values: object, _target: object) -> None:
-        """Leave off identifying."""
+        """Cancel the identification."""
         if self._window.cancel("run"):
             await self._window.show("run-state", "run_state.html", text="Cancelled.", busy=False)
 
     async def on_export(self, _values: object, target: object) -> None:
-        """Write what was found for another tool."""
+        """Export the result for another tool."""
         if isinstance(target, str) and target in EXPORTS and self._shown is not None:
             self._window.start("export", self._export(target, self._shown), "export-state")
 
     async def _set(self, values: object) -> None:
-        """Take what a form holds."""
+        """Read the choices from the forms; show the error and raise if they are invalid."""
         try:
             self._choices = replace(read_choices(values), ran=self._choices.ran)
         except FlexidError as error:
@@ -94,22 +94,22 @@ class IdentifyRoom:
             found is not None
             and not found.unclear
             and self._choices.gear_ratio is self._choices.lead is None
-            and self._choices.sources == _guessed(found)
+            and self._choices.sources == _sources_by_name(found)
         ):
-            self._choices = replace(self._choices, sources={})  # a link need not say so
+            self._choices = replace(self._choices, sources={})  # keeps links short
 
     def _take(self, path: Path) -> None:
         for name in ("check", "run", "export"):
             self._window.cancel(name)
         before, self._log, self._overview = self._log, path, None
         if before not in (None, path, self._window.offer.log):
-            before.unlink(missing_ok=True)  # it was sent
+            before.unlink(missing_ok=True)  # an uploaded copy
         self._keep(None, [])
         self._window.start("look", self._look(path), "log-problem")
 
     async def _look(self, path: Path) -> None:
         window = self._window
-        for place in _FILLED:
+        for place in _PLACES:
             await window.show(place, "nothing.html")
         await window.show("log-state", "line.html", text=f"Reading {path.name} ...")
         found: FileOverview = await window.offer.short.run(jobs.look, path.name, folder=path.parent)
@@ -120,7 +120,7 @@ class IdentifyRoom:
             "columns",
             "columns.html",
             found=found,
-            sources=self._choices.sources or _guessed(found),
+            sources=self._choices.sources or _sources_by_name(found),
             gear_ratio=self._choices.gear_ratio,
             lead=self._choices.lead,
             channels=SI_UNITS,
@@ -143,18 +143,18 @@ class IdentifyRoom:
 
     @property
     def _open_question(self) -> str:
-        """What the names of the columns leave open, as long as nobody has answered it."""
+        """Ambiguity in the names of the columns; empty once the user has chosen columns."""
         found = self._overview
-        unanswered = found is not None and self._choices.sources == _guessed(found)
-        return found.unclear if found is not None and unanswered else ""
+        is_open = found is not None and self._choices.sources == _sources_by_name(found)
+        return found.unclear if found is not None and is_open else ""
 
     def _keep_sources(self, found: FileOverview) -> None:
-        """Forget sources of another log; begin with a guess where the names do not say it all."""
+        """Drop columns of another log; if names are ambiguous, start with the clear ones."""
         headers = {column.header for column in found.columns}
         if any(source.column not in headers for source in self._choices.sources.values()):
             self._choices = replace(self._choices, sources={}, gear_ratio=None, lead=None)
         if found.unclear and not self._choices.sources:
-            self._choices = replace(self._choices, sources=_guessed(found))
+            self._choices = replace(self._choices, sources=_sources_by_name(found))
 
     async def _check(self) -> None:
         window, log = self._window, self._log
@@ -196,10 +196,10 @@ class IdentifyRoom:
             files = [folder / name for name in (jobs.REPORT, jobs.ESTIMATE)]
             if choices.column_map is not None:
                 files.append(_write_map(choices, folder))
-        except BaseException:  # what is shown keeps its files
+        except BaseException:  # the result on the page keeps its files
             shutil.rmtree(folder, ignore_errors=True)
             raise
-        window.cancel("export")  # of what was shown before
+        window.cancel("export")  # of the previous result
         self._keep(folder, files)
         self._sample_time = sample_time
         self._choices = replace(self._choices, ran=True)
@@ -207,7 +207,7 @@ class IdentifyRoom:
         await window.show("result", "result.html", files=[*window.files], exports=EXPORTS)
 
     def _keep(self, shown: Path | None, files: list[Path]) -> None:
-        """Offer the files of a result that is about to be shown, and delete those before."""
+        """Offer the files of a new result, and delete those of the previous one."""
         if self._shown is not None:
             shutil.rmtree(self._shown, ignore_errors=True)
         self._shown, self._window.files = shown, {path.name: path for path in files}
@@ -223,8 +223,8 @@ class IdentifyRoom:
         await window.show("export-state", "exported.html", names=names, warnings=warnings)
 
 
-def _guessed(found: FileOverview) -> dict[str, Source]:
-    """What the names of the columns say."""
+def _sources_by_name(found: FileOverview) -> dict[str, Source]:
+    """Return the channels' columns according to the names of the columns."""
     units = {column.header: column.unit for column in found.columns}
     return {
         channel: Source(header, units.get(header, "")) for channel, header in found.channels.items()
@@ -232,7 +232,7 @@ def _guessed(found: FileOverview) -> dict[str, Source]:
 
 
 def _write_map(choices: Choices, folder: Path) -> Path:
-    """The choices as a column map for the command line."""
+    """Write the choices as a column map for the command line, and return its path."""
     import json
 
     path = folder / "columns.toml"

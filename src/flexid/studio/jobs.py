@@ -1,4 +1,4 @@
-"""Work that takes long, in processes of its own: compiled code ends only with its process."""
+"""Long jobs in worker processes: compiled code can be cancelled only with its process."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ if TYPE_CHECKING:
 
 @dataclass(eq=False, repr=False)
 class JobError(FlexidError):
-    """A job did not end as it should."""
+    """A job failed."""
 
     reason: str
     _text = "{reason}"
 
 
 class Workers:
-    """Some of AnyIO's processes, shared by all windows; jobs wait in one queue."""
+    """Worker processes of AnyIO, shared by all windows; jobs wait in one queue."""
 
     def __init__(self, most: int) -> None:
-        self._free = asyncio.Semaphore(most)  # lets in one after the other
+        self._free = asyncio.Semaphore(most)  # first come, first served
 
     async def run(self, job: Callable[..., Any], *arguments: Any, folder: Path) -> Any:
-        """Do a job and return what it returns; cancel the coroutine to cancel the job."""
+        """Run a job and return its result; cancelling the coroutine cancels the job."""
         async with self._free:
             try:
                 return await to_process.run_sync(
@@ -50,8 +50,8 @@ class Workers:
 
 
 def _do(job: Callable[..., Any], arguments: tuple[Any, ...], folder: str) -> Any:
-    """Do a job in a folder."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the studio, which ends us
+    """Run a job in a folder; raise a `JobError` for any unexpected error."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the studio handles Ctrl-C and ends this process
     try:
         os.chdir(folder)
     except OSError as error:
@@ -63,8 +63,8 @@ def _do(job: Callable[..., Any], arguments: tuple[Any, ...], folder: str) -> Any
     except FlexidError:
         raise
     except MemoryError:
-        raise JobError("the memory does not suffice: give a shorter log") from None
-    except Exception as error:  # an error that nobody foresaw must not end the process
+        raise JobError("there is not enough memory: give a shorter log") from None
+    except Exception as error:  # an unforeseen error must not end the process
         raise JobError(f"a defect of flexid ({type(error).__name__}: {error})") from None
 
 
@@ -74,24 +74,24 @@ REPORT = "report.html"
 
 @dataclass(frozen=True)
 class Checked:
-    """A log, read and looked at."""
+    """Result of a log's check."""
 
-    model: str  # "flexible", "link" or "rigid": what can be identified of it
-    facts: dict[str, str]  # what it shows at a glance
-    warnings: tuple[str, ...]  # what was mended, or looks odd
-    figure: str  # its channels over time, as HTML
+    model: str  # the richest model that can be identified: "flexible", "link" or "rigid"
+    facts: dict[str, str]  # duration, rate, numbers of samples and gaps
+    warnings: tuple[str, ...]  # corrections and suspicious features of the log
+    figure: str  # the log's channels over time, as HTML
     kinds_of: dict[str, str]  # by term, the kinds of joint that have it
 
 
 def look(name: str) -> FileOverview:
-    """Say what a file holds."""
+    """Return an overview of a file: its columns and the channels by their names."""
     from flexid.recording.series import overview
 
     return overview(Path(name))
 
 
 def check(name: str, choices: Choices) -> Checked:
-    """Read a log as it would be identified, and say what it shows."""
+    """Read a log as for an identification, and return its check."""
     from flexid.identification.preparation.joint import Kind, joint_of
     from flexid.recording.read import read_log
     from flexid.report.response_charts import log_chart
@@ -120,7 +120,7 @@ def check(name: str, choices: Choices) -> Checked:
 
 
 def identify(name: str, choices: Choices, into: str) -> float:
-    """Leave estimate and report of a log in a folder; return the log's sample time in s."""
+    """Write a log's estimate and report into a folder; return the log's sample time in s."""
     from flexid.library.identify import identify as run
     from flexid.recording.read import read_log
 
@@ -132,7 +132,7 @@ def identify(name: str, choices: Choices, into: str) -> float:
 
 
 def export(to: str, sample_time: float, folder: str) -> tuple[str, tuple[str, ...]]:
-    """Write an estimate for another tool, as an archive; return its name, and what it lacks."""
+    """Write an estimate for another tool as an archive; return its name and any warnings."""
     from flexid.library.export import export as write
 
     place = Path(folder)

@@ -1,4 +1,4 @@
-"""Play: the paper's closed loop with sliders, beside a pinned run."""
+"""Room for experiments with the paper's closed loop: sliders, and a pinned run to compare."""
 
 from __future__ import annotations
 
@@ -23,36 +23,36 @@ if TYPE_CHECKING:
     from flexid.studio.window import Window
 
 
-_LAST = 5.0  # s over which errors count as those that remain
+_LAST = 5.0  # s at the end, in which the remaining tracking error is measured
 _WINDOW = 2.0  # s over which excitation is measured
-_POINTS = 120  # of the excitation over time
-_SAMPLES = 3001  # of a figure
-_RELATIVE, _ABSOLUTE = 1e-5, 1e-9  # tolerances: the errors that vanish keep their digits
-_MOST_STEPS = 400_000  # about half a second
+_POINTS = 120  # at which the excitation is drawn
+_SAMPLES = 3001  # drawn in a figure
+_RELATIVE, _ABSOLUTE = 1e-5, 1e-9  # tolerances, tight enough for errors that vanish
+_MOST_STEPS = 400_000  # of the integrator: about half a second of computing
 
 
 _OF_ERRORS: tuple[Colour, ...] = ("blue", "orange", "green", "red")
-_OF_ROWS: tuple[Colour, ...] = ("ink", "grey")  # one legend names errors and rows
-_STRETCHES = 150  # of which each shows the largest value of an error that oscillates
+_OF_ROWS: tuple[Colour, ...] = ("ink", "grey")  # distinct, as one legend has both
+_PEAKS = 150  # parts of a curve, each drawn by its largest value, as errors oscillate
 
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """What is shown of a run."""
+    """Curves and figures of a run."""
 
     time: FloatArray  # (n,), in s
     tracking: FloatArray  # (n,), magnitude of the tracking error in rad
-    errors: Mapping[str, FloatArray]
-    final_errors: Mapping[str, tuple[float, str]]
-    lyapunov: FloatArray
+    errors: Mapping[str, FloatArray]  # (n,), over the true value
+    final_errors: Mapping[str, tuple[float, str]]  # with units
+    lyapunov: FloatArray  # (n,), V of Theorem 1
     moments: FloatArray  # (m,), times in s of the condition numbers
-    conditions: Mapping[str, FloatArray]
-    remaining_error: float  # largest tracking error in the end, in rad
+    conditions: Mapping[str, FloatArray]  # (m,), by row
+    remaining_error: float  # largest tracking error in the last 5 s, in rad
     largest_torque: float  # in N m
 
 
 def play_chart(run: Played | None, pinned: Played | None) -> Chart:
-    """Four panels: tracking error, parameter errors, V, excitation; a pinned run is dashed."""
+    """Draw tracking error, parameter errors, V and excitation; a pinned run is dashed."""
     tracking: list[Mark] = []
     errors: list[Mark] = []
     lyapunov: list[Mark] = []
@@ -76,9 +76,9 @@ def play_chart(run: Played | None, pinned: Played | None) -> Chart:
     return Chart(
         "play",
         "The paper's closed loop",
-        "The tracking error shows what the controller can do, the parameter errors what the "
-        "observer learns. V never rises while the drive is ideal. Where the condition number "
-        "is large, two coefficients cannot be told apart. Dashed: the pinned run.",
+        "The tracking error shows the controller's performance, the parameter errors the "
+        "observer's. V never rises while the drive is ideal. Where the condition number "
+        "is large, the motion does not separate two coefficients. Dashed: the pinned run.",
         tuple(
             Panel(title, Axis("time", "s"), Axis(label, unit, True), tuple(marks))
             for title, label, unit, marks in panels
@@ -90,26 +90,26 @@ def play_chart(run: Played | None, pinned: Played | None) -> Chart:
 def _curves(
     time: FloatArray, curves: Mapping[str, FloatArray], colours: tuple[Colour, ...], *, named: bool
 ) -> Iterator[Line]:
-    """Peaks of a run, or dashed and without a name of the pinned one; zero has no place here."""
+    """Yield a run's peaks as lines, dashed if unnamed; a logarithmic axis leaves out zeros."""
     for (name, values), colour in zip(curves.items(), colours, strict=False):
         if not np.isnan(values).all():
-            x, y = peaks(time, values, max(1, len(time) // _STRETCHES))
+            x, y = peaks(time, values, max(1, len(time) // _PEAKS))
             label, dash = (SYMBOLS.get(name, name), "solid") if named else ("", "dashed")
             yield Line(label, x, np.where(y > 0.0, y, np.nan), colour, dash=dash)
 
 
 @dataclass(frozen=True)
 class PlayedRuns:
-    """A run and a pinned one."""
+    """Results of a run and of the pinned run."""
 
-    rows: tuple[tuple[str, str, str], ...]  # what is measured, of the run and of the pinned one
-    problems: tuple[str, ...]  # why a run has no figures
-    figure: str  # both, as HTML
-    seconds: float  # how long it took
+    rows: tuple[tuple[str, str, str], ...]  # label, value of the run, value of the pinned run
+    problems: tuple[str, ...]  # why a run has no values
+    figure: str  # chart of both runs, as HTML
+    seconds: float  # computing time in s
 
 
 def play(chosen: PlayChoices, pinned: PlayChoices | None) -> PlayedRuns:
-    """Simulate a loop, and say what came of it beside a pinned one."""
+    """Simulate a loop and a pinned one, and return their results."""
     from flexid.studio.window import fragment
 
     begun = perf_counter()
@@ -117,10 +117,10 @@ def play(chosen: PlayChoices, pinned: PlayChoices | None) -> PlayedRuns:
     problems = []
     for choices, which in ((chosen, "This run"), (pinned, "The pinned run")):
         try:
-            runs.append(None if choices is None else _remembered(choices))
+            runs.append(None if choices is None else _cached_run(choices))
         except SimulationError as error:
             runs.append(None)
-            why = error.reason.partition(":")[0]  # what it advises is not to be had here
+            why = error.reason.partition(":")[0]  # without its advice, which does not apply here
             problems.append(f"{which} stops at {error.time:.3g} s: {why}. Move a slider back.")
     run, pin = runs
     figure = fragment("figure.html", chart=play_chart(run, pin))
@@ -128,8 +128,8 @@ def play(chosen: PlayChoices, pinned: PlayChoices | None) -> PlayedRuns:
 
 
 @lru_cache(maxsize=32)
-def _remembered(choices: PlayChoices) -> Played:
-    """A run, from what was played before if it was."""
+def _cached_run(choices: PlayChoices) -> Played:
+    """Simulate a run; the latest runs are cached."""
     sampling = choices.sampling
     if sampling is None:
         from flexid.simulation.closed_loop import simulate
@@ -144,7 +144,7 @@ def _remembered(choices: PlayChoices) -> Played:
 
 
 def _measured(run: Run) -> Played:
-    """What is shown of a run."""
+    """Return the curves and figures of a run."""
     from flexid.experiments.measures import coefficient_unit
     from flexid.simulation.lyapunov import row_histories
 
@@ -177,7 +177,7 @@ def _measured(run: Run) -> Played:
 
 
 def _every(run: Run, step: int) -> Run:
-    """Every so many samples of a run, of which the page shows no more."""
+    """Return every `step`-th sample of a run, enough for the page."""
     series = ("time", "states", "inputs", "estimates", "parameter_errors", "tracking_error")
     fewer: dict[str, Any] = {name: getattr(run, name)[::step] for name in series}
     return replace(run, **fewer, measured=None)
@@ -186,7 +186,7 @@ def _every(run: Run, step: int) -> Run:
 def _conditions(
     time: FloatArray, regressors: Mapping[str, FloatArray]
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Condition number of each row's normalised Gram matrix over the last seconds, over time."""
+    """Return the condition number of each row's normalised Gram matrix in a sliding window."""
     width = int(_WINDOW / (time[1] - time[0]))
     ends = np.unique(np.linspace(width, len(time) - 1, _POINTS).astype(int))
     found = {}
@@ -202,7 +202,7 @@ def _conditions(
 
 
 def _rows(run: Played | None, pin: Played | None) -> tuple[tuple[str, str, str], ...]:
-    """What is measured, as texts."""
+    """Return the table of both runs as texts: label, run, pinned run."""
 
     def row(label: str, text: Any) -> tuple[str, str, str]:
         return label, "" if run is None else text(run), "" if pin is None else text(pin)
@@ -230,29 +230,29 @@ ROOM = "play"
 
 
 class PlayRoom:
-    """The room of one window, whose page holds what is chosen and what is pinned."""
+    """Play room of one window; its page stores the choices and the pinned run."""
 
     def __init__(self, window: Window) -> None:
         self._window = window
-        self._values: object = {}  # the latest of the page
+        self._values: object = {}  # latest values from the page
         self._is_open = False
 
     def open(self, values: Mapping[str, object]) -> None:
-        """Begin with what an address holds."""
+        """Start with the values in an address."""
         self._values = values
 
     async def enter(self) -> None:
-        """Show the room."""
+        """Show the room, with its controls the first time."""
         begins, self._is_open = not self._is_open, True
         await self._start(with_controls=begins)
 
     async def on_play(self, values: object, _target: object) -> None:
-        """Play what the sliders stand at, beside what is pinned."""
+        """Simulate with the sliders' values, and the pinned run."""
         self._values = values
         await self._start()
 
     async def on_reset(self, _values: object, _target: object) -> None:
-        """Go back to Table I."""
+        """Reset all values to Table I."""
         self._values = {}
         await self._start(with_controls=True)
 
@@ -268,7 +268,7 @@ class PlayRoom:
                 await window.show("play-problem", "problem.html", text=refused)
                 await window.played()
                 return
-            chosen = pinned = TABLE1  # an address that cannot be used
+            chosen = pinned = TABLE1  # the address is invalid
         if with_controls:
             groups: dict[str, list[Slider]] = {}
             for slider in SLIDERS:
@@ -287,6 +287,6 @@ class PlayRoom:
             await window.show("play-figures", "play_figures.html", found=found)
             await window.show("play-charts", "drawn.html", figure=found.figure)
         except Exception:
-            await window.played()  # the page waits for it before it asks again
+            await window.played()  # the page waits for this before its next request
             raise
         await window.played()

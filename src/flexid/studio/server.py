@@ -1,4 +1,4 @@
-"""The studio as a server: its routes, its windows, and how it is started."""
+"""Web server of the studio: routes, windows and start."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ _LONG, _SHORT, _PLAY = 2, 1, 1  # processes
 
 
 class Studio:
-    """The windows that are open, and what the server answers them."""
+    """Open windows, and the handlers of the server's routes."""
 
     def __init__(self, offer: Offer) -> None:
         self._offer = offer
         self.windows: dict[str, Rooms] = {}
 
     def application(self) -> Starlette:
-        """All routes."""
+        """Return the application with all routes."""
         routes = [
             Route("/", self.page),
             Route("/assets/{name}", self.asset),
@@ -51,7 +51,7 @@ class Studio:
         return Starlette(routes=routes)
 
     async def window(self, socket: WebSocket) -> None:
-        """The end of a window's socket: it asks in JSON, and is sent what its page shows."""
+        """Serve a window's socket: JSON requests come in, updates of the page go out."""
 
         async def send(message: dict[str, Any]) -> None:
             with suppress(WebSocketDisconnect, RuntimeError):  # the page may be gone
@@ -62,23 +62,23 @@ class Studio:
         self.windows[rooms.window.key] = rooms
         try:
             async for text in socket.iter_text():
-                with suppress(ValueError):  # what is no JSON is not from our page
+                with suppress(ValueError):  # text that is not JSON does not come from our page
                     if isinstance(request := json.loads(text), dict):
                         await rooms.handle(request)
         finally:
             await self.windows.pop(rooms.window.key).window.close()
 
     async def page(self, _: Request) -> Response:
-        """The page before it has a window."""
+        """Return the empty page, which then opens its window."""
         return HTMLResponse(fragment("studio.html", suffixes=",".join(suffixes()), kinds=kinds()))
 
     async def asset(self, request: Request) -> Response:
-        """A script or a style sheet."""
+        """Return a script or a style sheet."""
         content, kind = assets().get(request.path_params["name"], (None, ""))
         return Response(status_code=404) if content is None else Response(content, media_type=kind)
 
     async def upload(self, request: Request) -> Response:
-        """The way in for logs."""
+        """Save a log that a page sends, and start its identification room with it."""
         ended = JSONResponse({"problem": "this window has ended: reload the page"}, 404)
         key = request.path_params["key"]
         rooms = self.windows.get(key)
@@ -92,7 +92,7 @@ class Studio:
         except OSError as error:
             if key not in self.windows:  # its folder was deleted
                 return ended
-            problem = f"the log cannot be kept ({error.strerror}): send it again"
+            problem = f"the log cannot be saved ({error.strerror}): send it again"
             return JSONResponse({"problem": problem}, 507)
         if key not in self.windows:
             path.unlink(missing_ok=True)
@@ -101,7 +101,7 @@ class Studio:
         return JSONResponse({"name": path.name})
 
     async def file(self, request: Request) -> Response:
-        """The way out for what was found."""
+        """Return a file of a result as a download."""
         rooms = self.windows.get(request.path_params["key"])
         path = rooms and rooms.window.files.get(request.path_params["name"])
         if path is None:
@@ -109,7 +109,7 @@ class Studio:
         return FileResponse(path, filename=path.name, media_type="application/octet-stream")
 
     async def report(self, request: Request) -> Response:
-        """The report, whose own policy allows no script, for a frame of the page."""
+        """Return the report for a frame of the page; its own policy allows no script."""
         rooms = self.windows.get(request.path_params["key"])
         path = rooms and rooms.window.files.get(REPORT)
         if path is None:
@@ -118,8 +118,8 @@ class Studio:
 
 
 def studio(log: Path | None) -> ASGIApp:
-    """The studio as an ASGI application; each window opens with the log, if there is one."""
-    log = log and log.absolute()  # each process changes its folder from job to job
+    """Create the studio as an ASGI application; each window opens with the log if given."""
+    log = log and log.absolute()  # worker processes change their folder with each job
     offer = Offer(log, *(Workers(most) for most in (_LONG, _SHORT, _PLAY)))
     return Guard(Studio(offer).application())
 

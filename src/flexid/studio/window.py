@@ -1,4 +1,4 @@
-"""One window of the studio: what it may read, what it is doing, what it shows, and its rooms."""
+"""One window of the studio: its files, tasks, messages to the page, and rooms."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _PAGE = Path(__file__).parent / "page"
 
 
 def fragment(template: str, **content: Any) -> str:
-    """A part of the page as HTML."""
+    """Render a part of the page as HTML."""
     return page_environment(_PAGE).get_template(template).render(content)
 
 
 @cache
 def assets() -> dict[str, tuple[bytes, str]]:
-    """Scripts and style sheets by name, with their types."""
+    """Return the scripts and style sheets by name, with their media types."""
     own = {name: ((_PAGE / name).read_bytes(), kind) for name, kind in _ASSETS.items()}
     return {**own, "chart.css": (drawing_style().encode(), "text/css")}
 
@@ -43,16 +43,16 @@ Send = Callable[[dict[str, Any]], Awaitable[None]]  # sends a message to the pag
 
 @dataclass(frozen=True)
 class Offer:
-    """What all windows share."""
+    """Resources that all windows share."""
 
-    log: Path | None  # the log that was named on the command line
+    log: Path | None  # from the command line
     long: Workers
     short: Workers
     play: Workers
 
 
 class Window:
-    """One window."""
+    """One window: its folder, its running tasks and the connection to its page."""
 
     def __init__(self, offer: Offer, send: Send) -> None:
         self.offer = offer
@@ -64,38 +64,38 @@ class Window:
         self._alive: set[asyncio.Task[None]] = set()
 
     async def opened(self) -> None:
-        """Tell the page by which key it may send a log."""
+        """Send the page the key with which it may upload a log."""
         await self._send({"kind": "opened", "key": self.key})
 
     async def show(self, place: str, template: str, **content: Any) -> None:
-        """Fill a place of the page."""
+        """Fill a place of the page with a rendered template."""
         html = fragment(template, window=self.key, **content)
         await self._send({"kind": "show", "place": place, "html": html})
 
     async def enter(self, room: str) -> None:
-        """Show a room."""
+        """Show a room on the page."""
         await self._send({"kind": "room", "room": room})
 
     async def played(self) -> None:
-        """Let the page ask for the next run."""
+        """Tell the page that it may request the next run."""
         await self._send({"kind": "played"})
 
     async def brief(self, workers: Workers, job: Callable[..., Any], *arguments: Any) -> Any:
-        """Do a job that takes a moment; one that is cancelled runs to its end."""
+        """Run a short job, which is not interrupted if the caller is cancelled."""
         work = asyncio.ensure_future(workers.run(job, *arguments, folder=self.folder))
         work.add_done_callback(lambda done: done.cancelled() or done.exception())
         return await asyncio.shield(work)
 
     def start(self, name: str, work: Coroutine[Any, Any, None], place: str) -> None:
-        """Begin some work instead of what has the same name; its errors are shown in a place."""
+        """Start a task, cancel the previous one of that name, and show errors in a place."""
         self.cancel(name)
         self._tasks[name] = task = asyncio.create_task(self._guarded(work, place))
         self._alive.add(task)
         task.add_done_callback(self._alive.discard)
-        task.add_done_callback(lambda _: work.close())  # if it was cancelled before it began
+        task.add_done_callback(lambda _: work.close())  # for a task cancelled before it started
 
     def cancel(self, name: str) -> bool:
-        """Cancel the work of a name; return whether there was any."""
+        """Cancel the task of a name; return whether one was running."""
         task = self._tasks.pop(name, None)
         return task is not None and task.cancel()
 
@@ -104,12 +104,12 @@ class Window:
             await work
         except FlexidError as error:
             await self.show(place, "problem.html", text=str(error))
-        except Exception as error:  # one that nobody foresaw must not leave the page waiting
+        except Exception as error:  # an unforeseen error must not leave the page waiting
             text = f"a defect of flexid ({type(error).__name__}: {error})"
             await self.show(place, "problem.html", text=text)
 
     async def close(self) -> None:
-        """End all work, and then forget the logs."""
+        """Cancel all tasks and then delete the window's files."""
         try:
             for task in self._alive:
                 task.cancel()
@@ -119,22 +119,22 @@ class Window:
 
 
 class Rooms:
-    """The rooms of one window."""
+    """Rooms of one window, and its requests."""
 
     def __init__(self, window: Window) -> None:
         self.window = window
         self.identify, self.play = IdentifyRoom(window), PlayRoom(window)
 
     async def handle(self, request: Mapping[str, object]) -> None:
-        """Do what the page asks for; what is not known is not done."""
+        """Handle a request of the page; an unknown one is ignored."""
         name = f"on_{request.get('kind')}"
         for room in (self, self.identify, self.play):
             if (answer := getattr(room, name, None)) is not None:
-                with suppress(FlexidError):  # it has been shown
+                with suppress(FlexidError):  # the page already shows it
                     await answer(request.get("values"), request.get("target"))
 
     async def on_open(self, values: object, _target: object) -> None:
-        """Begin with what an address holds; what cannot be used of it is said in its room."""
+        """Open the rooms with the values in an address; each room shows errors in its own."""
         await self.window.opened()
         await self.identify.open(values)
         room = values.get("room") if isinstance(values, Mapping) else None
@@ -143,7 +143,7 @@ class Rooms:
         await self.on_room(None, room)
 
     async def on_room(self, _values: object, room: object) -> None:
-        """Enter a room."""
+        """Switch to a room."""
         known = play.ROOM if room == play.ROOM else "identify"
         await self.window.enter(known)
         if known == play.ROOM:

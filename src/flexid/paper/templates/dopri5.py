@@ -1,12 +1,12 @@
-"""Explicit Runge-Kutta method of order 5 for several runs side by side, each at its own step.
+"""Explicit Runge-Kutta method of order 5 for several runs in parallel, each with its own step.
 
-For problems that are not stiff. J. R. Dormand and P. J. Prince, "A family of embedded Runge-Kutta
+For nonstiff problems. J. R. Dormand and P. J. Prince, "A family of embedded Runge-Kutta
 formulae", Journal of Computational and Applied Mathematics 6 (1980) 19-26.
 
-The runs lie in one flat array w: number `slot` of run `lane` is w[at(slot, lane)]. A loop over
-lanes that has neither branch nor call becomes vector instructions. It would not with an array of
-two dimensions, or one for each kind of number, because then LLVM cannot tell that slots do not
-overlap. A run's numbers do not depend on LANES.
+The runs share one flat array w: number `slot` of run `lane` is w[at(slot, lane)]. A loop over
+lanes without branches and calls is compiled to vector instructions. With a two-dimensional array,
+or an array for each kind of number, LLVM could not exclude that slots overlap. A run's results do
+not depend on LANES.
 """
 
 from math import sqrt
@@ -23,25 +23,25 @@ if TYPE_CHECKING:
 
 
 TIME = 0  # of the state
-STEP = 1  # length of the step that is tried
+STEP = 1  # length of the current step
 END = 2  # time at its end
 STAGE_TIME = 3
 BEFORE = 4  # length of the step that led to the state
-ERROR = 5  # mean square of the estimated errors over what is allowed
-REJECTED = 6  # 1 where the last step was, or else 0
-RUN = 7  # its number, or -1 where there is none
+ERROR = 5  # mean square of the estimated errors over their tolerances
+REJECTED = 6  # 1 if the last step was rejected, else 0
+RUN = 7  # number of the run, or -1 if the lane is free
 ACCEPTED_STEPS = 8
 REJECTED_STEPS = 9
-STATUS = 10  # what became of the run, or GOES_ON
+STATUS = 10  # final status of the run, or GOES_ON
 GROWTH = 11  # of the next step over this one
-WEIGHT = 12  # of the state in means over time
+WEIGHT = 12  # of the state in integrals over time
 STATE = 13
-STAGE = STATE + SIZE  # state of a stage, at last the new one
+STAGE = STATE + SIZE  # state of a stage, finally the new state
 PARAMETERS = STAGE + SIZE
 EARLIER = PARAMETERS + N_PARAMETERS  # rates of six earlier stages
 RATES = EARLIER + 6 * SIZE  # at STAGE
-OBSERVED = RATES + SIZE  # what measures are taken of, at STATE
-NEXT_OBSERVED = OBSERVED + N_OBSERVED  # and at STAGE
+OBSERVED = RATES + SIZE  # outputs for the measures, at STATE
+NEXT_OBSERVED = OBSERVED + N_OBSERVED  # the same outputs at STAGE
 TOTALS = NEXT_OBSERVED + N_OBSERVED
 SLOTS = TOTALS + N_MEASURES
 
@@ -50,19 +50,19 @@ GOES_ON = -1
 
 @njit(**within, forceinline=True)
 def at(slot, lane):
-    """Where number `slot` of run `lane` is."""
+    """Return the place of number `slot` of run `lane`."""
     return slot * LANES + lane
 
 
 @njit(**within, forceinline=True)
 def rate(stage, i, lane):
-    """Where the rates of a stage are, of which there are seven."""
+    """Return the place of rate i of a stage (0 to 6)."""
     return at(EARLIER + stage * SIZE + i, lane)
 
 
 @njit(**within, fastmath={"contract"})
 def begin_step(w, stop, longest_step):
-    """Begin a step, no longer than the longest one and the rest of the run: to the second stage."""
+    """Limit the step to the longest one and the end of the run, and go to the second stage."""
     for lane in range(LANES):
         t = w[at(TIME, lane)]
         h = w[at(STEP, lane)]
@@ -76,13 +76,13 @@ def begin_step(w, stop, longest_step):
             w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (1.0 / 5.0 * w[rate(0, i, lane)])
 
 
-# The compiler has to know where everything is written, or the loops become no vector instructions:
-# so a stage is compiled for each number of weights, and there is no loop over stages.
+# Vector instructions need places that are known when compiling. So a stage is compiled for each
+# number of weights, and there is no loop over stages.
 
 
 @njit(**within, fastmath={"contract"})
 def go_to_stage(w, node, weights):
-    """Keep the rates at STAGE, and go on; one weight for the rates of each stage so far."""
+    """Store the rates at STAGE and go to the next stage, with a weight for each earlier one."""
     latest = len(weights) - 1
     for lane in range(LANES):
         h = w[at(STEP, lane)]
@@ -107,7 +107,7 @@ LAST = (35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0
 
 @njit(**within)
 def dormand_step(w, stop, longest_step):
-    """One step of every lane from STATE to STAGE; the first stage is there, the last is RATES."""
+    """Take one step of every lane from STATE to STAGE, given its first stage; RATES is the last."""
     begin_step(w, stop, longest_step)
     lane_rates(w)
     go_to_stage(w, 0.3, THIRD)
@@ -124,7 +124,7 @@ def dormand_step(w, stop, longest_step):
 
 @njit(**within, fastmath={"contract"})
 def dormand_error(w, relative, absolute):
-    """Mean square of the errors over what is allowed, and how far the next step is to grow."""
+    """Compute the mean square of the errors over their tolerances, and the step's growth."""
     for lane in range(LANES):
         h = w[at(STEP, lane)]
         total = 0.0
@@ -143,16 +143,16 @@ def dormand_error(w, relative, absolute):
             total += share * share
         square = total / SIZE
         w[at(ERROR, lane)] = square
-        # The fourth root of the error instead of the customary fifth, which would be a call.
+        # The fourth root of the error instead of the usual fifth, which would be a function call.
         growth = 0.9 / sqrt(sqrt(sqrt(1e-20 if square < 1e-20 else square)))
         most = 1.0 if w[at(REJECTED, lane)] == 1.0 else 5.0
         growth = most if growth > most else growth
-        w[at(GROWTH, lane)] = growth if growth > 0.1 else 0.1  # also where the error is no number
+        w[at(GROWTH, lane)] = growth if growth > 0.1 else 0.1  # also if the error is NaN
 
 
 @njit(**within)
 def end_step(w, stop, limit, most_steps):
-    """Go to the end of accepted steps, choose the next step, and see which runs end."""
+    """Move to the end of accepted steps, choose the next steps, and set the status of runs."""
     for lane in range(LANES):
         square = w[at(ERROR, lane)]
         accepted = square <= 1.0
@@ -194,7 +194,7 @@ OBSERVED_REGRESSORS = OBSERVED_TRACKING + 1
 
 @njit(**within, forceinline=True)
 def raise_peak(w, peak, of, lane):
-    """Keep the largest magnitude of a number of a lane."""
+    """Update the largest magnitude of a number of a lane."""
     size = abs(w[at(of, lane)])
     highest = w[at(peak, lane)]
     w[at(peak, lane)] = size if size > highest else highest
@@ -202,10 +202,10 @@ def raise_peak(w, peak, of, lane):
 
 @njit(**within, fastmath={"contract"})
 def lane_measures(w):
-    """Take the state of each run whose step is accepted into its totals.
+    """Add the state of each run whose step was accepted to its totals.
 
-    Peaks and settling do not ask whether it is, because the state counts anyhow; and products of
-    regressors are of all pairs, not of each row's alone: loops without conditions are faster.
+    Loops without conditions are faster. So peaks and settling are updated after rejected steps,
+    too, which changes nothing, and products of regressors are formed for all pairs of rows.
     """
     for lane in range(LANES):
         weight = (
@@ -236,7 +236,7 @@ def lane_measures(w):
 
 @njit(**within)
 def ended_runs(w):
-    """Number of lanes whose run has come to its end."""
+    """Return the number of lanes whose run has ended."""
     ended = 0
     for lane in range(LANES):
         ended += w[at(STATUS, lane)] != GOES_ON
@@ -245,7 +245,7 @@ def ended_runs(w):
 
 @njit(**within)
 def enter(w, lane, run, start, z, p, first_step):
-    """Put a run into a lane."""
+    """Start a run in a lane."""
     for slot in range(SLOTS):
         w[at(slot, lane)] = 0.0
     w[at(RUN, lane)] = run
@@ -259,7 +259,7 @@ def enter(w, lane, run, start, z, p, first_step):
 
 @njit(**within)
 def begin_runs(w):
-    """Rates and outputs at every lane's state; where a run is under way they are what they were."""
+    """Compute rates and outputs at every lane's state; those of older runs do not change."""
     for lane in range(LANES):
         w[at(STAGE_TIME, lane)] = w[at(TIME, lane)]
         for i in range(SIZE):
@@ -274,7 +274,7 @@ def begin_runs(w):
 
 @njit(**within)
 def leave(w, lane, z, p, totals, counts):
-    """Take the end, the totals and the steps of a run out of its lane, which is free then."""
+    """Return a run's final state, totals and numbers of steps, and free its lane."""
     for i in range(SIZE):
         z[i] = w[at(STATE + i, lane)]
     if totals.shape[0] > 0:
@@ -288,9 +288,9 @@ def leave(w, lane, z, p, totals, counts):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def integrate(span, z, p, steps, _sampling, totals, results):
-    """Integrate z' = rates(t, z, p) over a span; arguments are those of rodas5p.
+    """Integrate z' = rates(t, z, p) over a span, with the arguments of rodas5p.
 
-    No samples are taken.
+    The sampling is ignored.
     """
     start, stop = span
     relative, absolute, first_step, longest_step, limit, most_steps = steps

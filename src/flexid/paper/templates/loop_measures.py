@@ -1,4 +1,4 @@
-"""What is measured of a closed loop while it runs."""
+"""Measures of a closed loop, accumulated while it runs."""
 
 from typing import TYPE_CHECKING
 
@@ -9,9 +9,9 @@ if TYPE_CHECKING:
     from flexid.kernels.templates.run_status import *
 
 
-SETTLED = 0.05  # share of a coefficient within which its estimate counts as settled
+SETTLED = 0.05  # largest error of a settled estimate, over the coefficient
 
-# What totals holds: the integral of the square and the largest magnitude of the tracking error, the
+# Content of totals: the integral of the square and the largest magnitude of the tracking error, the
 # largest magnitude of each input, the last time at which each estimate was not settled, and the
 # integrals of the products of each row's regressors (lower triangle).
 PEAKS = 2
@@ -22,7 +22,7 @@ N_MEASURES = GRAM + N_COEFFICIENTS * N_COEFFICIENTS
 
 @njit(**within)
 def add_measures(t, weight, inputs, errors, tracking, regressors, true, totals):
-    """Take one instant into the totals of a run."""
+    """Add one instant to the totals of a run."""
     totals[0] += weight * tracking * tracking
     totals[1] = max(totals[1], abs(tracking))
     for i in range(N_INPUTS):

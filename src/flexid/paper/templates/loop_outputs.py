@@ -1,7 +1,7 @@
-"""Outputs of a closed loop, and their measures.
+"""Outputs of a closed loop, and its measures.
 
 `outputs` fills y with states, inputs, estimates, their errors, the tracking error and the
-regressors in turn.
+regressors, in this order.
 """
 
 from typing import TYPE_CHECKING
@@ -15,19 +15,19 @@ if TYPE_CHECKING:
 
 
 N_OUTPUTS = N_STATES + N_INPUTS + 3 * N_COEFFICIENTS + 1
-N_TOTALS = N_MEASURES + N_OUTPUTS  # what was measured, then the last outputs
+N_TOTALS = N_MEASURES + N_OUTPUTS  # measures, then the last outputs
 
 
 @njit(cache=True, error_model="numpy")
 def sampled_outputs(sample_time, samples, p, y):
-    """Outputs of the loop at every sample, the first at time 0."""
+    """Compute the outputs of the loop at every sample, the first at time 0."""
     for place in range(samples.shape[0]):
         outputs(place * sample_time, samples[place], p, y[place])
 
 
 @njit(**within)
 def observe(t, weight, z, p, totals):
-    """Take one state of the loop into the totals; the true coefficients lead its parameters."""
+    """Add one state of the loop to the totals; its parameters begin with the true coefficients."""
     y = totals[N_MEASURES:]
     outputs(t, z, p, y)
     inputs = y[N_STATES:]

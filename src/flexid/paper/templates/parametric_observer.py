@@ -1,4 +1,4 @@
-"""The observer of Huang (2003), sample by sample."""
+"""Observer of Huang (2003), sample by sample."""
 
 from typing import TYPE_CHECKING
 
@@ -16,17 +16,17 @@ NO_INNOVATION = (np.nan,) * N_ROWS
 
 @inner
 def take_in(current, sample, fixed):
-    """State after a sample, innovations, status: tuples stay in registers, views do not."""
+    """Return the new state, innovations and status, as tuples, which stay in registers."""
     if not is_finite(sample):
         return (0.0,) + current[1:], NO_INNOVATION, REJECTED
     current, innovation = advance(current, sample, fixed)
-    # A constant gain cannot know whether the data determine the coefficients.
+    # With a constant gain there is no measure of whether the data determine the coefficients.
     return current, innovation, STARTING
 
 
 @inner
 def as_array(current):
-    """The state as an array again."""
+    """Return the state as an array."""
     state = np.empty(STATE_SIZE)
     for i in range(STATE_SIZE):
         state[i] = current[i]
@@ -35,7 +35,7 @@ def as_array(current):
 
 @njit(cache=True, error_model="numpy")
 def step(state, sample, settings):
-    """New state and info after one sample; the old state is left as it is."""
+    """Return the new state and info after one sample; the old state is unchanged."""
     one = as_sample(sample.reshape((1, SAMPLE_SIZE)), 0)
     current, innovation, status = take_in(as_state(state), one, as_settings(settings))
     info = np.empty(N_ROWS + 1)
@@ -47,7 +47,7 @@ def step(state, sample, settings):
 
 @njit(cache=True, error_model="numpy")
 def replay(state, samples, settings, coefficients, infos):
-    """The same step over all samples; fills the history and returns the last state."""
+    """Apply the step to all samples, fill the history and return the last state."""
     current = as_state(state)
     fixed = as_settings(settings)
     for n in range(samples.shape[0]):

@@ -1,4 +1,4 @@
-"""Rodas5P: Rosenbrock method of order 5 for stiff problems with a dense output of order 4.
+"""Rodas5P: Rosenbrock method of order 5 for stiff problems, with dense output of order 4.
 
 G. Steinebach, "Construction of Rosenbrock-Wanner method Rodas5P and numerical benchmarks within
 the Julia Differential Equations package", BIT Numerical Mathematics 63 (2023) 27.
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from flexid.paper.templates.loop_outputs import *
 
 
-# Tables: formatted, each number would have a line of its own.
+# The formatter would put each number of these tables on a line of its own.
 # fmt: off
 RODAS_GAMMA = 0.21193756319429014
-# Row i: the state of stage i as z + sum of A[i, j] times stage j. The last two rows add the stage
-# before them, and the sum of all stages is the new state, its last term the error estimate.
+# The state of stage i is z + sum of A[i, j] times stage j. Each of the last two rows adds the
+# previous stage. The last stage is the error estimate; adding it as well gives the new state.
 RODAS_A = np.array([
     [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
     [3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
@@ -48,7 +48,7 @@ RODAS_C = np.array([
     [37.80277123390563, -3.2571969029072276, 112.26918849496327, 66.9347231244047,
      -40.06618937091002, -54.66780262877968, -9.48861652309627],
 ])
-# Times of the stages, and weights of the time derivative of the right-hand side.
+# Times of the stages over the step, and weights of the right-hand side's time derivative.
 RODAS_TIME = np.array([
     0.0, 0.6358126895828704, 0.4095798393397535, 0.9769306725060716, 0.4288403609558664, 1.0, 1.0,
     1.0,
@@ -57,7 +57,7 @@ RODAS_SLOPE = np.array([
     0.21193756319429014, -0.42387512638858027, -0.3384627126235924, 1.8046452872882734,
     2.325825639765069, 0.0, 0.0, 0.0,
 ])
-# Dense output: three rows of weights of the stages.
+# Dense output: weights of the stages for three coefficients.
 RODAS_DENSE = np.array([
     [25.948786856663858, -2.5579724845846235, 10.433815404888879, -2.3679251022685204,
      0.524948541321073, 1.1241088310450404, 0.4272876194431874, -0.17202221070155493],
@@ -71,9 +71,9 @@ RODAS_DENSE = np.array([
 
 @njit(**within)
 def lu_factor(matrix, pivots):
-    """Overwrite a matrix by its LU factors, rows swapped so that pivots are largest.
+    """Overwrite a matrix with its LU factors, with partial pivoting.
 
-    The diagonal holds the reciprocals of the pivots, which the solutions need many times.
+    The diagonal contains the reciprocals of the pivots, which the solutions need many times.
     """
     for column in range(SIZE):
         pivot = column
@@ -102,7 +102,7 @@ def lu_factor(matrix, pivots):
 
 @njit(**within)
 def lu_solve(matrix, pivots, b):
-    """Overwrite b by the solution; the matrix has been factorised."""
+    """Overwrite b with the solution, for a factorised matrix."""
     for row in range(SIZE):
         other = pivots[row]
         if other != row:
@@ -121,13 +121,13 @@ def lu_solve(matrix, pivots, b):
 
 @njit(**within)
 def rosenbrock_step(t, h, z, p, dz, slope, matrix, pivots, stages, trial, new):
-    """One step from z to new; stages are kept for the dense output, the last is the error."""
+    """Take a step from z to new, and fill the stages, of which the last is the error estimate."""
     per_h = 1.0 / h
     for i in range(SIZE):
         stages[0, i] = dz[i] + h * RODAS_SLOPE[0] * slope[i]
     lu_solve(matrix, pivots, stages[0])
     for stage in range(1, 8):
-        # Stages outside, components inside: this order becomes vector instructions.
+        # With the loop over components innermost, the compiler uses vector instructions.
         for i in range(SIZE):
             trial[i] = z[i]
             stages[stage, i] = h * RODAS_SLOPE[stage] * slope[i]
@@ -147,10 +147,10 @@ def rosenbrock_step(t, h, z, p, dz, slope, matrix, pivots, stages, trial, new):
 
 @njit(**within)
 def interpolate(t, h, z, new, stages, dense, start, sample_time, samples, filled):
-    """Fill the samples that lie in the step from t to t + h; return how many are filled in all."""
+    """Fill the samples between t and t + h; return the number of all filled samples."""
     ready = False
     while filled < samples.shape[0]:
-        # The last sample of a run falls on its last step's end, up to rounding.
+        # Up to rounding, the last sample of a run is at the end of its last step.
         place = (start + filled * sample_time - t) / h
         if place > 1.0 + 1e-9:
             break
@@ -192,7 +192,7 @@ def integrate_run(span, z, p, steps, sampling, totals, counts):
     rejected = 0
     after_rejection = False
     measured = totals.shape[0] > 0
-    before = 0.0  # length of the step that led here
+    before = 0.0  # length of the previous accepted step
     status = FINISHED
     if samples.shape[0] > 0:
         for i in range(SIZE):  # an array assignment takes three seconds longer to compile
@@ -254,19 +254,19 @@ def integrate_run(span, z, p, steps, sampling, totals, counts):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def integrate(span, z, p, steps, sampling, totals, results):
-    """Integrate z' = rates(t, z, p) over a span, for several runs with a row each.
+    """Integrate z' = rates(t, z, p) over a span, for several runs, one per row.
 
     span      start and stop
     z         overwritten by the final state
-    steps     relative and absolute tolerance of every component, absolute + relative |z[i]|; first
-              and longest step; magnitude of a component beyond which the run counts as diverged;
-              most steps
-    sampling  sample time, and samples filled with z at start, start + sample_time, ...; rows of the
-              second axis, of which there may be none
-    totals    handed to observe at every accepted step, for the trapezoidal rule; without columns if
-              nothing is to be measured
-    results   filled with what became of each run, the time it reached, and its accepted steps,
-              rejected steps and filled samples
+    steps     relative and absolute tolerance, of which absolute + relative |z[i]| is allowed; first
+              and longest step; magnitude of a component beyond which the run has diverged; largest
+              number of steps
+    sampling  sample time, and samples, (n_runs, n, SIZE), filled with z at start, start +
+              sample_time, ...; n may be 0
+    totals    passed to observe at every accepted step, for the trapezoidal rule; without columns if
+              there are no measures
+    results   filled with the status of each run, the time it reached, and its numbers of accepted
+              steps, rejected steps and filled samples
     """
     sample_time, samples = sampling
     status, reached, counts = results

@@ -1,4 +1,4 @@
-"""A loop of sensors, control law, observer and plant, sample by sample."""
+"""Loop of sensors, control law, observer and plant, sample by sample."""
 
 from typing import TYPE_CHECKING
 
@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from flexid.paper.templates.loop_measures import *
 
 
-# What a record holds: states, inputs, estimates, their errors, the tracking error and what was
-# measured, in turn.
+# Content of a record: states, inputs, estimates, their errors, the tracking error and the measured
+# states, in this order.
 ESTIMATES = N_STATES + N_INPUTS
 ERRORS = ESTIMATES + N_COEFFICIENTS
 TRACKING = ERRORS + N_COEFFICIENTS
@@ -23,7 +23,7 @@ N_RECORD = MEASURED + N_STATES
 
 @njit(**within)
 def first_state(estimates):
-    """The observer before the first sample."""
+    """Return the observer's state before the first sample."""
     empty = np.zeros(STATE_SIZE)
     for i in range(N_COEFFICIENTS):
         empty[1 + i] = estimates[i]
@@ -32,7 +32,7 @@ def first_state(estimates):
 
 @njit(**within)
 def plant_step(x, u, p, h):
-    """State after a step of the classical Runge-Kutta method."""
+    """Return the state after a step of the classical Runge-Kutta method."""
     a = plant_rates(x, u, p)
     b = plant_rates(moved(x, 0.5 * h, a), u, p)
     c = plant_rates(moved(x, 0.5 * h, b), u, p)
@@ -42,7 +42,7 @@ def plant_step(x, u, p, h):
 
 @njit(**within, forceinline=True)
 def move(x, u, p, duration, substeps):
-    """Move the plant on under a constant input."""
+    """Integrate the plant over a duration with a constant input."""
     h = duration / substeps
     for _ in range(substeps):
         x = plant_step(x, u, p, h)
@@ -51,14 +51,14 @@ def move(x, u, p, duration, substeps):
 
 @njit(**within)
 def sense(x, draws, position, velocity, step):
-    """What the sensors show, given standard normal numbers."""
+    """Return the measured states: noise from standard normal draws, then the resolution."""
     seen = noisy(x, draws, position, velocity)
     return in_steps(seen, step) if step > 0.0 else seen
 
 
 @njit(**within)
 def exceeds(values, limit):
-    """1 if a magnitude is beyond a limit, else 0."""
+    """Return 1 if a magnitude exceeds the limit, else 0."""
     for value in values:
         if abs(value) > limit:
             return 1
@@ -67,7 +67,7 @@ def exceeds(values, limit):
 
 @njit(**within)
 def bounded(values):
-    """Whether every number is finite and of a size that means something."""
+    """Return whether every number is finite and below `BOUND`."""
     for value in values:
         if not abs(value) < BOUND:
             return False
@@ -90,10 +90,10 @@ def note(x, u, current, tracking, seen, p, record, n):
 
 @njit(**within, forceinline=True)
 def respond(x, seen, demanded, current, settings, drive, log):
-    """What follows the law in a sample: limit, observer, record, plant; 1 if an input was cut.
+    """Apply limit, observer, record and plant in a sample; return 1 if an input was cut, too.
 
-    Written out in the loop, it would count references to arrays at every sample, for a fifth of the
-    time.
+    A function of its own, because inside the loop numba counts references to arrays at every
+    sample, which takes a fifth of the time.
 
     drive  the plant's parameters, the limit of its inputs, and steps of the integrator per sample
     log    the reference, the record, and the row of this sample
@@ -108,21 +108,21 @@ def respond(x, seen, demanded, current, settings, drive, log):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def sampled_run(start, p, constants, sensors, drive, observer, count, record, totals):
-    """Run the loop over so many samples.
+    """Run the loop over `count` samples.
 
-    start, p     plain states at the start and parameters of the loop, one row each
-    sensors      standard normal numbers, a row per sample, or no rows for none; what they are
-                 multiplied by for positions and for velocities; resolution of positions
+    start, p     plain initial states and parameters of the loop, one row each
+    sensors      standard normal numbers, a row per sample, or no rows without noise; standard
+                 deviations of positions and of velocities; resolution of positions
     drive        limit of the inputs, and steps of the integrator per sample
-    observer     estimates at the start, and settings of the observer, its sample time first
-    record       a row per sample, or a single row for the last one alone
-    totals       zeros to which measures are added, every sample with weight 1; empty if not wanted
-    Returns a status, samples done and how many were clipped.
+    observer     initial estimates, and settings of the observer, its sample time first
+    record       a row per sample, or a single row for the last sample alone
+    totals       zeros, to which each sample's measures are added with weight 1; empty if unwanted
+    Returns the status, the number of samples and the number of those with a cut input.
     """
     noise, position, velocity, resolution = sensors
     estimates, set_to = observer
     h = set_to[0]
-    settings = (h, 1.0) + as_settings(set_to)[2:]  # held inputs, known when this is compiled
+    settings = (h, 1.0) + as_settings(set_to)[2:]  # a constant tells the compiler: inputs are held
     parameters = as_parameters(p, 0)
     plant = (parameters, drive[0], drive[1])
     current = first_state(estimates)
@@ -143,13 +143,13 @@ def sampled_run(start, p, constants, sensors, drive, observer, count, record, to
         log = (reference, record, row)
         x, current, cut = respond(x, seen, demanded, current, settings, plant, log)
         cuts += cut
-        if measured:  # a view of an array in every sample would cost a tenth of the time
+        if measured:  # views of an array for every sample would take a tenth of the time
             y = record[row]
             regressors(y, y[N_STATES:], constants, r, known)
             add_measures(n * h, 1.0, y[N_STATES:], y[ERRORS:], y[TRACKING], r, p[0], totals)
         if not bounded(x):
             return DIVERGED, n + 1, cuts
-    # An estimate that once was not finite stays so.
+    # An estimate that is not finite stays so, thus the last state is enough.
     status = FINISHED
     for i in range(N_COEFFICIENTS):
         if not abs(current[1 + i]) < np.inf:

@@ -1,5 +1,5 @@
 "use strict";
-// The page sends what its forms hold, and shows what the server makes of it.
+// The page sends the values of its forms, and shows the fragments that the server returns.
 (() => {
   const place = (id) => document.getElementById(id);
   let key = "";
@@ -12,7 +12,7 @@
     if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ kind, ...more }));
   };
 
-  // All forms together.
+  // Values of all forms.
   const values = () => {
     const found = {};
     for (const form of document.querySelectorAll("form.settings"))
@@ -26,7 +26,7 @@
     return found;
   };
 
-  // The address holds what the forms hold, so that a link shows them again.
+  // The address stores the values of the forms, so that a link restores them.
   let ran = new URLSearchParams(location.search).has("ran");
   const remember = (held) => history.replaceState(null, "", `?${new URLSearchParams(held)}`);
   const rememberForms = () => remember({ ...values(), ...(ran ? { ran: "yes" } : {}) });
@@ -34,12 +34,12 @@
   const show = ({ place: id, html }) => {
     const target = place(id);
     if (target) target.innerHTML = html;
-    if (id === "check" && target.querySelector(".problem")) // where it is mended
+    if (id === "check" && target.querySelector(".problem")) // where the user can correct it
       place("columns").querySelector("details")?.setAttribute("open", "");
     if (id === "play-controls") target.querySelectorAll("input[type=range]").forEach(label);
   };
 
-  // The sliders: one run at a time, and after it the latest that was asked for.
+  // Sliders: one run at a time; when it ends, the latest request follows.
   let playing = false;
   let waiting = false;
 
@@ -61,7 +61,7 @@
     return found;
   };
 
-  // The pinned run, as an address names it; at first that of the page's address.
+  // Values of the pinned run, as in an address; at first from the page's address.
   let pins = Object.fromEntries([...new URLSearchParams(location.search)].filter(([name]) => name.startsWith("pin")));
   const pinned = {
     pin: () => Object.fromEntries([["pin", "yes"], ...Object.entries(standsAt()).map(([name, value]) => [`pin.${name}`, value])]),
@@ -101,7 +101,7 @@
   };
 
   const upload = async (file) => {
-    if (!key) return; // dropped before there is a window
+    if (!key) return; // the window is not open yet
     const state = place("log-state");
     ran = false;
     place("log-problem").textContent = "";
@@ -145,7 +145,7 @@
       ask(form.dataset.kind, { values: values() });
       rememberForms();
     });
-    // The report is a page of its own, as high as what it holds.
+    // The report is a page of its own; its frame gets the height of its content.
     document.addEventListener("load", ({ target }) => {
       if (target.id === "report") target.style.height = `${target.contentDocument.documentElement.scrollHeight + 8}px`;
     }, true);
