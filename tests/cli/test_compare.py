@@ -30,7 +30,7 @@ def test_a_change_is_status_1(flexid, folders):
     """Assert that one drive twice exits 0, and that a stiffer one is named, with its change."""
     outcome = flexid("compare", folders["before"], folders["again"])
     assert (outcome.status, outcome.stderr) == (0, "")
-    assert "No change is seen in 5 numbers" in outcome.stdout
+    assert "No change was found in 5 numbers" in outcome.stdout
     files = [folders[name] / "estimate.json" for name in ("before", "after")]
     outcome = flexid("compare", *files)
     assert outcome.status == 1

@@ -107,7 +107,7 @@ def test_the_first_screen_answers(page, width, height):
     rows = page.locator(".lead tbody tr")
     assert rows.count() == 5
     words = page.locator(".answer .word")
-    assert words.all_inner_texts() == ["Yes", "Test it on another log"]
+    assert words.all_inner_texts() == ["Yes", "Test the values on another log"]
     ends = [*rows.all(), *words.all(), page.locator(".answer pre").last]
     for element in ends:
         box = element.bounding_box()

@@ -13,7 +13,7 @@ from flexid.stored_estimates.estimate_file import estimate_document
 
 
 def parts(result: ArmIdentification) -> Iterator[Part]:
-    """Tables and sentences of the answer."""
+    """Return tables and sentences of the result."""
     for joint in range(1, result.arm.joints + 1):
         own = result.of_joint(joint)
         of_joint = {name.removesuffix(f"_{joint}"): p for name, p in own.items()}
@@ -25,25 +25,25 @@ def parts(result: ArmIdentification) -> Iterator[Part]:
 
 
 def _timing(result: ArmIdentification) -> Iterator[str]:
-    """How the input lies in time, what is left over, and how alike parameters look."""
+    """Return sentences on the input, delays, residuals and excitation."""
     held = "held between samples" if result.hold == "zero" else "on straight lines between samples"
-    late = f", {1e3 * result.input_delay:.3g} ms late" if result.input_delay else ""
+    delay = f", delayed by {1e3 * result.input_delay:.3g} ms" if result.input_delay else ""
     if result.disturbances is None:
-        yield f"Input: {held}{late}. Segments of {result.segment_duration:.2g} s."
+        yield f"Input: {held}{delay}. Segments of {result.segment_duration:.2g} s."
     else:
         shares = ", ".join(f"{name} {100.0 * s:.2g} %" for name, s in result.disturbances.items())
-        yield f"Input: {held}{late}. Fitted with disturbances: of the acceleration, {shares}."
-        yield f"Fits without disturbances were left out: {result.disturbed_because}."
+        yield f"Input: {held}{delay}. Unexplained acceleration: {shares}."
+        yield f"Fits without disturbances were rejected: {result.disturbed_because}."
     if result.encoder_delays:
         each = ", ".join(f"{row} {1e3 * x:.3g} ms" for row, x in result.encoder_delays.items())
-        yield f"Link encoders later than the motors': {each}."
+        yield f"Delays of the link encoders relative to the motors': {each}."
     left = ", ".join(f"{name} {x:.2f}" for name, x in result.residual_excess.items())
-    yield f"Residual over the encoders' noise: {left}"
+    yield f"Residual over sensor noise (ideal: 1): {left}"
     yield f"Excitation: condition number {result.condition_number:.3g}"
 
 
 def charts(result: ArmIdentification) -> list[Chart]:
-    """The free run over the held-out data, of an arm that was identified just now."""
+    """Return the free run over the held-out data; none for a loaded estimate."""
     if not result.validation.runs:
         return []
     title = "Free run over the held-out data"
@@ -51,7 +51,7 @@ def charts(result: ArmIdentification) -> list[Chart]:
 
 
 def heading(result: ArmIdentification) -> tuple[str, str]:
-    """How many joints, and the files."""
+    """Return the number of joints, and the files."""
     joints = result.arm.joints
     title = f"Planar arm of {joints} joint{'s' if joints > 1 else ''}"
     return title, logs_of(result.provenance)

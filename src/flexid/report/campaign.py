@@ -10,33 +10,33 @@ from flexid.report.terminal import Column, Part, Table, number, numbers
 
 
 def parts(summary: Summary) -> Iterator[Part]:
-    """Tables and sentences of the answer."""
+    """Return tables and sentences of the result."""
     yield from status_lines(summary)
     yield ""
     yield quantiles_table(summary)
     if any(result.missing for result in summary.results):
         yield (
-            "None: finished runs without this result; an estimate that does not stay within 5 % "
+            "Missing: finished runs without this result. An estimate that does not stay within 5 % "
             "of the truth has no settling time."
         )
 
 
 def status_lines(summary: Summary) -> Iterator[str]:
-    """How many runs are done, and how they ended, in sentences."""
+    """Return sentences on how many runs are done, and with which status."""
     total = summary.manifest.runs
     if summary.complete:
         yield f"{total} runs, {summary.manifest.kind}"
     else:
         yield (
             f"Unfinished: {summary.done} of {total} runs, {summary.manifest.kind}; the command "
-            f"that began the campaign goes on with it"
+            f"that began the campaign continues it"
         )
     yield ", ".join(
         f"{name} {count} ({100 * count / summary.done:.3g} %)"
         for name, count in summary.statuses.items()
     )
     if summary.first_error:
-        yield f"The first error: {summary.first_error}"
+        yield f"First error: {summary.first_error}"
     if summary.damaged:
         yield (
             f"Damaged and left out: {', '.join(summary.damaged)}; the command that began the "
@@ -45,9 +45,9 @@ def status_lines(summary: Summary) -> Iterator[str]:
 
 
 def quantiles_table(summary: Summary) -> Table:
-    """Quantiles of each result over the finished runs."""
+    """Return quantiles of each result over the finished runs."""
     shares = (f"{100 * share:g} %" for share in QUANTILES)
-    columns = (Column("result"), *numbers(*shares, "none"))
+    columns = (Column("result"), *numbers(*shares, "missing"))
     table = Table(f"{summary.finished} finished runs, SI units", columns)
     for result in summary.results:
         shown = (number(value, 4) if isfinite(value) else "" for value in result.quantiles)
@@ -56,12 +56,12 @@ def quantiles_table(summary: Summary) -> Table:
 
 
 def heading(summary: Summary) -> tuple[str, str]:
-    """Name and folder."""
+    """Return the name and folder of the campaign."""
     return f"Campaign {summary.directory.name}", str(summary.directory)
 
 
 def document(summary: Summary) -> dict[str, Any]:
-    """A campaign in numbers, for JSON."""
+    """Return the results of a campaign for JSON."""
     manifest = summary.manifest
     return {
         "kind": manifest.kind,

@@ -1,4 +1,4 @@
-"""What a figure shows: a chart is a grid of panels, and a panel a stack of marks over two axes."""
+"""Content of figures: a chart is a grid of panels, and each panel has marks over two axes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -20,15 +20,15 @@ class Axis:
     label: str  # without the unit
     unit: str = ""
     logarithmic: bool = False
-    limits: tuple[float, float] | None = None  # those of the data if not given
-    step: float | None = None  # between labelled values, where one is natural, as 90 for degrees
+    limits: tuple[float, float] | None = None  # by default the range of the data
+    step: float | None = None  # between labelled values, such as 90 for degrees; by default chosen
 
 
 @dataclass(frozen=True, eq=False)
 class Line:
     """A line through points, with a gap where a value is not finite."""
 
-    label: str  # in the legend; empty for none
+    label: str  # in the legend; empty: no entry
     x: FloatArray  # (n,)
     y: FloatArray  # (n,)
     colour: Colour = "blue"
@@ -70,22 +70,22 @@ class Panel:
     y: Axis
     marks: tuple[Mark, ...]
     height: float = 1.0  # relative to the other rows
-    span: int = 1  # columns of the chart that it takes
+    span: int = 1  # number of columns that the panel spans
 
 
 @dataclass(frozen=True)
 class Chart:
-    """A figure: panels row after row; those of one column share their x axis."""
+    """A figure: panels row by row; panels of one column share their x axis."""
 
-    name: str  # of its file
+    name: str  # of the file
     title: str
-    says: str  # one sentence on what to see
+    says: str  # caption: what to look for
     panels: tuple[Panel, ...]
     columns: int = 1
 
 
 def whole_decades(values: FloatArray) -> tuple[float, float]:
-    """Powers of ten about the values above 0, so that a logarithmic axis has labels."""
+    """Return powers of ten around the positive values, so that a logarithmic axis has labels."""
     usable = values[np.isfinite(values) & (values > 0.0)]
     if not len(usable):
         return 1.0, 10.0
@@ -94,12 +94,12 @@ def whole_decades(values: FloatArray) -> tuple[float, float]:
 
 
 def with_margin(low: float, high: float, margin: float) -> tuple[float, float]:
-    """Ends with a part of what is between them below and above them."""
+    """Return limits widened on both sides by a share `margin` of their distance."""
     return low - margin * (high - low), high + margin * (high - low)
 
 
 def thinned(mark: Mark, most: int) -> Mark:
-    """A mark with about `most` samples, its extremes and gaps among them."""
+    """Return a mark with about `most` samples, which include its extremes and gaps."""
     if isinstance(mark, Level) or len(mark.x) <= most:
         return mark
     arrays = {f.name: getattr(mark, f.name) for f in fields(mark)}
@@ -109,14 +109,14 @@ def thinned(mark: Mark, most: int) -> Mark:
 
 
 def peaks(time: FloatArray, values: FloatArray, width: int) -> tuple[FloatArray, FloatArray]:
-    """Middle and largest value of each `width` samples, shape (n // width,) each."""
+    """Return mean time and largest value of each `width` samples, shape (n // width,) each."""
     shape = len(time) // width, width
     kept = shape[0] * width
     return time[:kept].reshape(shape).mean(axis=1), values[:kept].reshape(shape).max(axis=1)
 
 
 def kept_samples(curves: Sequence[FloatArray], most: int) -> NDArray[np.intp]:
-    """Places of each short stretch's smallest and largest values and gaps, and of both ends."""
+    """Return indices of the extremes and gaps of each short stretch, and of both ends."""
     n = len(curves[0])
     if n <= most:
         return np.arange(n)

@@ -26,7 +26,7 @@ OUTCOME_COLOURS: dict[Outcome, str] = {
 
 
 def parts(comparison: Comparison) -> Iterator[Part]:
-    """Tables and sentences of the answer."""
+    """Return tables and sentences of the result."""
     for side, label in zip("AB", comparison.labels, strict=True):
         yield f"{side}: {label}"
     yield ""
@@ -42,7 +42,7 @@ def parts(comparison: Comparison) -> Iterator[Part]:
 
 
 def differences_table(title: str, differences: Mapping[str, Difference]) -> Table:
-    """Both values of each number, what is between them, and the verdict on that."""
+    """Return both values of each number, their difference, and the verdict on it."""
     columns = (Column("name"), *numbers("A", "B", "B - A, 95 % interval"), Column("verdict"))
     table = Table(title, columns)
     for d in differences.values():
@@ -53,17 +53,17 @@ def differences_table(title: str, differences: Mapping[str, Difference]) -> Tabl
 
 
 def remarks(differences: Mapping[str, Difference]) -> Iterator[str]:
-    """Why something is not compared, or what stands for a number that one model does without."""
+    """Return why a number is not compared, or that a bound replaces an excluded term."""
     for d in differences.values():
         if d.reason and d.a is not None and d.b is not None:
             yield f"{d.name}: {d.reason}"
         elif d.without and d.compared:
             sides = " and ".join(d.without)
-            yield f"{d.name}: {sides} does without it; what it could be there is compared"
+            yield f"{d.name}: excluded in {sides}; its bound there is compared"
 
 
 def outcome_text(d: Difference) -> Text:
-    """The verdict in words; where a change as large as the value may hide, none can be given."""
+    """Return the verdict as text; "cannot tell" if the bound on a change exceeds the value."""
     if d.outcome != "no change":
         return Text(d.outcome, OUTCOME_COLOURS[d.outcome])
     if d.largest_percent > 100.0 * THRESHOLDS.weak_width:
@@ -72,57 +72,57 @@ def outcome_text(d: Difference) -> Text:
 
 
 def comparison_summary(comparison: Comparison) -> Iterator[str]:
-    """What has changed, how sure that is, and what it rests on."""
+    """Return sentences on what has changed, and with what confidence."""
     compared = [d for d in comparison.decisive.values() if d.compared]
     if not compared:
         yield "Nothing can be compared: no number was estimated in both."
     elif comparison.logs == "same":
         yield _of_one_log(comparison, compared)
     else:
-        yield _answer(comparison, compared)
+        yield _changes(comparison, compared)
         yield from _perhaps(comparison, compared)
     if comparison.lacking:
         yield f"Not determined in A or in B, and so not compared: {_names(comparison.lacking)}."
 
 
 def largest(d: Difference) -> str:
-    """The most that a difference may be, with its unit."""
+    """Return the bound on the size of a difference, with its unit."""
     if isfinite(d.largest_percent):
         return f"{_rounded_up(d.largest_percent)} %"
     return f"{_rounded_up(d.largest)} {d.unit}"
 
 
 def _rounded_up(value: float) -> str:
-    """Two digits, which promise no less than the number."""
+    """Return two digits that are at least as large as the number."""
     if not isfinite(value):
         return "any"
     shown = number(value, 2)
     return shown if float(shown) >= value else number(1.05 * value, 2)
 
 
-def _answer(comparison: Comparison, compared: Sequence[Difference]) -> str:
+def _changes(comparison: Comparison, compared: Sequence[Difference]) -> str:
     changed = comparison.having("changed")
     if changed:
         by = ", ".join(f"{d.name} by {' '.join(_change(d))}" for d in changed)
         return (
-            f"Changed: {by}. That is beyond chance for {_count(compared)} together: where "
-            f"nothing has changed, at most one comparison in twenty names anything."
+            f"Changed: {by}. This is beyond chance for {_count(compared)} together: if "
+            f"nothing has changed, at most 5 % of comparisons report a change."
         )
-    said = f"No change is seen in {_count(compared)}"
+    unchanged = f"No change was found in {_count(compared)}"
     known = [d for d in compared if isfinite(d.largest_percent)]
     if not known:
-        return f"{said}."
+        return f"{unchanged}."
     worst = max(known, key=lambda d: d.largest_percent)
-    return f"{said}; the largest that may hide is one of {largest(worst)} of {worst.name}."
+    return f"{unchanged}; the largest that may be hidden is {largest(worst)} of {worst.name}."
 
 
 def _perhaps(comparison: Comparison, compared: Sequence[Difference]) -> Iterator[str]:
     perhaps = comparison.having("perhaps changed")
     if perhaps:
         yield (
-            f"Perhaps changed: {_names(perhaps)}. Of {_count(compared)} one or more may differ so "
-            f"by chance, in up to about {100.0 * (1.0 - CONFIDENCE ** len(compared)):.0f} % of "
-            f"comparisons; a third log would tell."
+            f"Perhaps changed: {_names(perhaps)}. Among {_count(compared)}, chance gives such "
+            f"a difference in up to about {100.0 * (1.0 - CONFIDENCE ** len(compared)):.0f} % of "
+            f"comparisons; a third log can decide."
         )
 
 
@@ -142,7 +142,7 @@ def _differ(differences: Sequence[Difference]) -> str:
 
 
 def _change(d: Difference) -> tuple[str, str, str]:
-    """The difference, its interval and their unit."""
+    """Return a difference, its interval and their unit."""
     if isfinite(d.percent):
         return *value_texts(d.percent, *d.percent_interval), "%"
     return *value_texts(d.value, *d.interval), d.unit
@@ -157,13 +157,13 @@ def _names(differences: Sequence[Difference]) -> str:
 
 
 def heading(comparison: Comparison) -> tuple[str, str]:
-    """What is held against what."""
+    """Return the title, and the labels of both estimates."""
     a, b = comparison.labels
-    return "Two estimates side by side", f"A: {a}; B: {b}"
+    return "Comparison of two estimates", f"A: {a}; B: {b}"
 
 
 def document(comparison: Comparison) -> dict[str, Any]:
-    """Differences with their intervals and outcomes, for JSON."""
+    """Return differences with their intervals and outcomes, for JSON."""
     return {
         "agree": comparison.agree,
         "differ": comparison.differ,

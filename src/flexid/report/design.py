@@ -1,4 +1,4 @@
-"""A design as tables, JSON, a figure, and the torque that a drive can play."""
+"""A design as tables, JSON, a figure, and the torque command as CSV."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,20 +18,20 @@ _UNITS = {"torque": "N m", "velocity": "rad/s", "position": "rad", "deflection":
 
 
 def _units(result: Design) -> dict[str, str]:
-    """Unit of each channel."""
+    """Return the unit of each channel."""
     return {channel: unit_of(unit, result.drive.joint) for channel, unit in _UNITS.items()}
 
 
 def parts(result: Design) -> Iterator[Part]:
-    """Tables and sentences of the answer."""
+    """Return tables and sentences of the result."""
     yield _predictions(result)
     yield _limits(result)
     wanted = result.drive.experiment
     tones = ", ".join(f"{rate:.3g}" for rate in result.angular_frequencies)
     yield f"Tones of the torque: {tones} rad/s; {wanted.duration:g} s; seed {result.seed}."
     yield (
-        f"The input was scaled by {result.scale:.3g}, so that every drive whose parameters are off "
-        f"by {100 * DOUBT:.0f} % keeps to the limits."
+        f"The input was scaled by {result.scale:.3g}, so that drives whose parameters are off by "
+        f"{100 * DOUBT:.0f} % stay within the limits."
     )
 
 
@@ -68,26 +68,26 @@ def _percent(share: float) -> str:
 
 
 def charts(result: Design) -> tuple[Chart]:
-    """Torque, position and deflection over time."""
+    """Return torque, position and deflection over time."""
     x, time, units = result.run.states, Axis("time", "s"), _units(result)
     position = Line("link", result.time, x[:, 0], "blue")
     torque = Line("torque", result.time, result.run.torque, "blue", 1.0)
     deflection = Line("deflection", result.time, x[:, 0] - x[:, 2], "blue", 1.0)
     title = "Link position, simulated with the assumed drive"
     panels = (
-        Panel("Torque played", time, Axis("torque", units["torque"]), (torque,)),
+        Panel("Torque command", time, Axis("torque", units["torque"]), (torque,)),
         Panel(title, time, Axis("position", units["position"]), (position,)),
         Panel("Deflection", time, Axis("deflection", units["deflection"]), (deflection,), 0.7),
     )
-    says = "What the drive is to do, and what it then does if it is as it is believed to be."
-    return (Chart("design", "The design", says, panels),)
+    says = "The torque command, and the simulated response with the assumed parameters."
+    return (Chart("design", "Designed torque and simulated motion", says, panels),)
 
 
-_DIGITS = 10  # significant; a drive has fewer
+_DIGITS = 10  # significant digits, more than a drive resolves
 
 
 def save_command(result: Design, directory: Path, _csv: bool = False) -> None:
-    """Write command.csv: the torque to play."""
+    """Write command.csv: the torque command over time."""
     torque = f"motor_torque [{_units(result)['torque']}]"
     columns = {"time [s]": result.time, torque: result.run.torque}
     table = pl.DataFrame({name: _rounded(values) for name, values in columns.items()})
@@ -100,12 +100,12 @@ def _rounded(values: np.ndarray) -> np.ndarray:
 
 
 def heading(result: Design) -> tuple[str, str]:
-    """What is designed."""
+    """Return the title, and the duration."""
     return "The designed torque", f"{result.drive.experiment.duration:g} s"
 
 
 def document(result: Design) -> dict[str, Any]:
-    """A design and what it would determine, for JSON."""
+    """Return a design and its predictions, for JSON."""
     cosines, sines = np.split(result.weights, 2)
     return {
         "drive": result.drive.document(),

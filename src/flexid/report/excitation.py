@@ -1,4 +1,4 @@
-"""What a log determines, as a table, advice and JSON."""
+"""The assessment of a log as a table, advice and JSON."""
 
 from collections.abc import Iterator, Mapping
 from math import isfinite, isnan, pi
@@ -15,12 +15,12 @@ from flexid.report.identification import excitation_lines, negligible_line, verd
 from flexid.report.page import Presenter, logs_of
 from flexid.report.terminal import VERDICT_STYLES, Column, Part, Table, number, numbers, value_texts
 
-_MANY = 99  # times, beyond which a factor is no more than large
-_LITTLE = 1e-4  # share below which one is no more than small
+_LARGEST_FACTOR = 99  # larger factors are shown as ">99"
+_SMALLEST_SHARE = 1e-4  # smaller shares are shown as "<0.01 %"
 
 
 def parts(report: ExcitationReport) -> Iterator[Part]:
-    """Tables and sentences of the answer."""
+    """Return tables and sentences of the result."""
     yield _table(report.coefficients)
     yield from verdict_reasons(report.coefficients)
     yield from negligible_line(report.coefficients.values())
@@ -37,10 +37,10 @@ def _table(coefficients: Mapping[str, CoefficientAssessment]) -> Table:
         *numbers("value"),
         Column("unit", whole=True),
         *numbers("±", "factor"),
-        Column("partner"),
+        Column("correlates with"),
         Column("verdict"),
     )
-    title = "Half-widths (±) of 95 % intervals, and the factor by which the partner widens them"
+    title = "Half-widths (±) of 95 % intervals, and the factor by which other unknowns widen them"
     table = Table(title, columns)
     for name, c in coefficients.items():
         table.add(
@@ -48,43 +48,45 @@ def _table(coefficients: Mapping[str, CoefficientAssessment]) -> Table:
             value_texts(c.value, *c.interval)[0],
             c.unit,
             c.reason if c.std == 0.0 else format_percent(c.width),
-            _cost(c),
+            _inflation_text(c),
             f"{c.partner} {c.correlation:+.2f}" if c.partner else "",
             Text(c.verdict, VERDICT_STYLES[c.verdict]),
         )
     return table
 
 
-def _cost(c: CoefficientAssessment) -> str:
-    """How much wider the others make an interval; empty where that does not apply."""
+def _inflation_text(c: CoefficientAssessment) -> str:
+    """Return the factor by which other unknowns widen an interval; empty if undefined."""
     if c.std == 0.0 or (isnan(c.width_alone) and isfinite(c.width)):
         return ""
     if not isfinite(c.inflation):
         return "unknown"
-    return number(c.inflation, 2) if c.inflation < _MANY else f">{_MANY}"
+    return number(c.inflation, 2) if c.inflation < _LARGEST_FACTOR else f">{_LARGEST_FACTOR}"
 
 
 def format_percent(share: float) -> str:
-    """A share as text, in percent."""
+    """Return a share as text, in per cent."""
     if not isfinite(share):
         return "unknown"
-    return number(100 * share, 2, "%") if share >= _LITTLE else f"<{100 * _LITTLE:g} %"
+    return (
+        number(100 * share, 2, "%") if share >= _SMALLEST_SHARE else f"<{100 * _SMALLEST_SHARE:g} %"
+    )
 
 
 def advice_lines(advice: Advice | None) -> Iterator[str]:
-    """What the next motion should have more of, in sentences."""
+    """Return sentences on what the next motion should contain."""
     if advice is None:
-        yield "Nothing needs to be added: every coefficient is determined."
+        yield "The motion suffices: every coefficient is determined."
         return
     if advice.resonance is not None:
         hertz = advice.resonance / (2 * pi)
         yield (
-            f"Put a part of the input near the joint's resonance, {advice.resonance:.3g} rad/s "
-            f"({hertz:.3g} Hz), small at first; or let flexid design --estimate find an input "
+            f"Add input near the joint's resonance, {advice.resonance:.3g} rad/s ({hertz:.3g} Hz), "
+            f"with a small amplitude at first; or let flexid design --estimate find an input "
             f"within the limits of the drive."
         )
     elif not advice.caution:
-        yield "Play a larger input, or one with more tones."
+        yield "Use a larger input, or one with more frequencies."
     if advice.longer is not None:
         yield f"Or record about {number(advice.longer, 2)} s of the same motion."
     if advice.caution:
@@ -92,12 +94,12 @@ def advice_lines(advice: Advice | None) -> Iterator[str]:
 
 
 def heading(report: ExcitationReport) -> tuple[str, str]:
-    """What is looked at, and the files."""
+    """Return the title, and the files."""
     return "What a log determines", logs_of(report.identification.provenance)
 
 
 def document(report: ExcitationReport) -> dict[str, Any]:
-    """What a log determines, and what is lacking, for JSON."""
+    """Return the assessment of a log, for JSON."""
     found = report.identification
     alignment = found.choices.alignment
     return {

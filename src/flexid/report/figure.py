@@ -1,4 +1,4 @@
-"""A chart drawn with Matplotlib, in one look for all figures: as a file, or as SVG in a page."""
+"""Charts drawn with Matplotlib in one style: as a file, or as SVG in a page."""
 
 from __future__ import annotations
 
@@ -38,34 +38,34 @@ COLOURS: Mapping[Colour, str] = {
     "red": "#c0392b",
     "grey": "#8a939c",
 }
-"""The shade of each colour of a chart."""
+"""Hex value of each colour of a chart."""
 
 INK, BLUE, ORANGE, GREEN, RED, GREY = COLOURS.values()
 GRID = "#e3e6e9"
 
 STYLE = mpl.rc_params_from_file(Path(__file__).with_name("figure.mplstyle"), False, False)
-"""The look of all figures; a Matplotlib style sheet."""
+"""Matplotlib style of all figures."""
 
 
 class NotebookFigure(Figure):
-    """A figure that a notebook shows although pyplot does not know it."""
+    """A figure outside pyplot that notebooks display."""
 
     def _repr_png_(self) -> bytes:
         return png(self)
 
 
 def png(figure: Figure) -> bytes:
-    """A figure as a picture."""
+    """Return a figure as a PNG image."""
     with io.BytesIO() as file:
         figure.savefig(file, format="png", dpi=figure.dpi)
         return file.getvalue()
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Figure in inches with the common look; needs no display."""
+    """Return a figure of a size in inches with the common style; needs no display."""
     with mpl.rc_context(STYLE):
         figure = NotebookFigure(figsize=(width, height))
-    FigureCanvasAgg(figure)  # else whoever asks how large a text is makes a canvas of its own
+    FigureCanvasAgg(figure)  # else each measurement of a text creates a canvas
     return figure
 
 
@@ -78,23 +78,23 @@ def save(figure: Figure, directory: Path, name: str, formats: Sequence[str] = ("
                 shown, figure.dpi = figure.dpi, mpl.rcParams["savefig.dpi"]
                 FigureCanvasAgg(figure).print_png(path)  # savefig draws twice
                 figure.dpi = shown
-            else:  # without a date the same result gives the same file
+            else:  # without a date, so that equal results give equal files
                 metadata = {"CreationDate": None} if extension == "pdf" else None
                 figure.savefig(path, metadata=metadata)
 
 
-_WIDTH = 7.2  # inches, of a printed page
+_WIDTH = 7.2  # inches, as on a printed page
 _ROW = 1.9  # inches, of a row of panels of height 1
 _LINE = 0.2  # inches, of a line of the title or of the legend
-_SAMPLES = 1700  # of a curve, in a figure that is 1440 pixels wide
-_LETTERS = 105  # of a small text in the width of a figure
-_HANDLE = 11  # letters that the handle of an entry takes
-_MARGIN = 0.06  # of what is shown, above and below it
+_SAMPLES = 1700  # per curve, for a figure of 1440 pixels
+_LETTERS = 105  # in small type across a figure
+_HANDLE = 11  # letters, width of the handle of a legend entry
+_MARGIN = 0.06  # share of the range, left free above and below
 _DASHES: dict[Dash, str] = {"solid": "-", "dashed": "--", "dotted": ":"}
 
 
 def draw(chart: Chart, ax: Axes | None = None) -> Figure:
-    """A drawing: the title above, a legend of all panels below; or in the place of an axes."""
+    """Return the drawing of a chart with title and legend, or draw it in place of `ax`."""
     if ax is not None:
         return _draw_in_place(ax, chart)
     title, labels = fill(chart.title, round(0.8 * _LETTERS)), _labels(chart)
@@ -115,12 +115,12 @@ def draw(chart: Chart, ax: Axes | None = None) -> Figure:
         layout = figure.get_layout_engine()
         assert layout is not None
         layout.execute(figure)
-        figure.set_layout_engine("none")  # it is laid out, for its file and for its page
+        figure.set_layout_engine("none")  # laid out once, for file and page
     return figure
 
 
 drawn_once = lru_cache(maxsize=16)(draw)
-"""The drawing of a chart, the same one for its file and its page."""
+"""`draw` with a cache, so that file and page share a drawing."""
 
 
 def save_charts(
@@ -132,7 +132,7 @@ def save_charts(
 
 
 def _rows(chart: Chart) -> list[list[tuple[int, Panel]]]:
-    """Panels row by row, each with the column in which it begins."""
+    """Return the panels row by row, each with its first column."""
     rows: list[list[tuple[int, Panel]]] = []
     free = 0
     for panel in chart.panels:
@@ -149,7 +149,7 @@ def _heights(chart: Chart) -> list[float]:
 
 
 def _draw_in_place(ax: Axes, chart: Chart) -> Figure:
-    """Draw the panels where an axes was, with one legend, and the title where they have none."""
+    """Draw the panels in place of `ax`, with one legend; the first panel has a title."""
     place, figure = ax.get_subplotspec(), ax.get_figure(root=True)
     if place is None or figure is None:
         raise SettingError("ax", "has no place in a grid: make it by plt.subplots")
@@ -167,7 +167,7 @@ def _draw_in_place(ax: Axes, chart: Chart) -> Figure:
 
 
 def _fill_grid(figure: Figure, chart: Chart, inside: SubplotSpec | None = None) -> None:
-    """Draw the panels where they belong; of those that share an x axis the lowest has labels."""
+    """Draw the panels in a grid; only the lowest of those that share an x axis has labels."""
     rows = _rows(chart)
     divide = figure.add_gridspec if inside is None else inside.subgridspec
     grid = divide(len(rows), chart.columns, height_ratios=_heights(chart))
@@ -183,15 +183,15 @@ def _fill_grid(figure: Figure, chart: Chart, inside: SubplotSpec | None = None) 
             above[column, panel.span] = ax
 
 
-def _fill(ax: Axes, panel: Panel, beside: int) -> None:
-    """Draw a panel of a figure that has room for so many of them in a row."""
+def _fill(ax: Axes, panel: Panel, per_row: int) -> None:
+    """Draw a panel of a figure that has room for `per_row` panels in a row."""
     ax.margins(0.0, _MARGIN)
     for mark in panel.marks:
         _draw(ax, thinned(mark, _SAMPLES))
-    _set_axis(ax, "x", panel.x, max(3, 9 // beside))
+    _set_axis(ax, "x", panel.x, max(3, 9 // per_row))
     _set_axis(ax, "y", panel.y, 5)
-    title = "\n".join(fill(line, _LETTERS // beside) for line in panel.title.splitlines())
-    ax.set_title(title, fontsize=10 if beside == 1 else 8)
+    title = "\n".join(fill(line, _LETTERS // per_row) for line in panel.title.splitlines())
+    ax.set_title(title, fontsize=10 if per_row == 1 else 8)
 
 
 def _draw(ax: Axes, mark: Mark) -> None:
@@ -208,7 +208,7 @@ def _draw(ax: Axes, mark: Mark) -> None:
 
 
 def _set_axis(ax: Axes, which: Literal["x", "y"], axis: Axis, labels: int) -> None:
-    """Label, scale, limits and at most so many numbers of an axis."""
+    """Set label, scale and limits of an axis, and at most `labels` numbers on it."""
     ruler = ax.xaxis if which == "x" else ax.yaxis
     unit = axis.unit.replace("^2", "²").replace("^3", "³")
     ruler.set_label_text(f"{axis.label} ({unit})" if unit else axis.label)
@@ -226,7 +226,7 @@ def _set_axis(ax: Axes, which: Literal["x", "y"], axis: Axis, labels: int) -> No
 
 
 def _legend_columns(lengths: Sequence[int]) -> int:
-    """As many columns of entries as the figure is wide enough for."""
+    """Return the number of legend columns that fit the width of the figure."""
     for columns in range(len(lengths), 1, -1):
         if sum(int(part.max()) for part in np.array_split(lengths, columns)) <= _LETTERS:
             return columns
@@ -234,7 +234,7 @@ def _legend_columns(lengths: Sequence[int]) -> int:
 
 
 def _labels(chart: Chart) -> list[str]:
-    """What the legend names, each once."""
+    """Return the distinct labels of panels with several marks, for the legend."""
     found: dict[str, None] = {}
     for panel in chart.panels:
         labels = dict.fromkeys(mark.label for mark in panel.marks if mark.label)
@@ -255,7 +255,7 @@ _LONG_NUMBER = re.compile(r"-?\d+\.\d{2,}")
 
 
 def chart_html(chart: Chart) -> str:
-    """The drawing without the chart's title, in which text is text."""
+    """Return the drawing as SVG without the chart's title; its text stays text."""
     figure = drawn_once(chart)
     canvas, (heading, *_) = figure.canvas, figure.texts
     heading.set_visible(False)

@@ -1,4 +1,4 @@
-"""An identification as tables and sentences, with the evidence that ``--explain`` adds."""
+"""An identification as tables and sentences, and the evidence for ``--explain``."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import isclose, isfinite, isnan
@@ -28,7 +28,7 @@ PARAMETERS, COEFFICIENTS = "Physical parameters", "Coefficients"
 
 
 def identification_parts(result: Identification) -> Iterator[Part]:
-    """Tables and sentences of the answer."""
+    """Return tables and sentences of the result."""
     yield estimates_table(PARAMETERS, result.parameters)
     yield estimates_table(COEFFICIENTS, result.coefficients)
     yield from verdict_reasons(result.coefficients)
@@ -36,18 +36,18 @@ def identification_parts(result: Identification) -> Iterator[Part]:
     yield ""
     yield from excitation_lines(result.excitation)
     yield from residual_lines(result)
-    yield f"Free run over held-out data: {format_fits(result.validation.fit_percent)}"
+    yield f"Free-run fit to held-out data: {format_fits(result.validation.fit_percent)}"
     yield from _horizons(result.validation)
     seen = "visible" if result.compliance.visible else "not visible"
     yield f"Compliance: {seen}; {result.compliance.reason}."
     if result.removed:
-        yield f"Excluded terms: {', '.join(removed_lines(result))}."
+        yield f"Excluded terms, with upper bounds: {', '.join(removed_lines(result))}."
     yield ""
     yield from result.summary
 
 
 def negligible_line(estimates: Iterable[ValueEstimate]) -> Iterator[str]:
-    """What is determined to be so small that it may be zero, in a line."""
+    """Return a line on determined values whose interval includes zero, if there are any."""
     small = [
         found.name
         for found in estimates
@@ -56,11 +56,11 @@ def negligible_line(estimates: Iterable[ValueEstimate]) -> Iterator[str]:
         and found.name not in ANGLES
     ]
     if small:
-        yield f"  Negligible, and zero within the interval: {', '.join(small)}"
+        yield f"  Negligible (the interval includes zero): {', '.join(small)}"
 
 
 def verdict_reasons(estimates: Mapping[str, Any]) -> Iterator[Text]:
-    """Why values are not determined, a line for each reason."""
+    """Return a line for each reason why values are weak or undetermined."""
     names: dict[tuple[str, Verdict], list[str]] = {}
     for name, e in estimates.items():
         if e.verdict != "determined":
@@ -70,7 +70,7 @@ def verdict_reasons(estimates: Mapping[str, Any]) -> Iterator[Text]:
 
 
 def excitation_lines(rows: Mapping[str, Excitation]) -> Iterator[str]:
-    """How well the motion excites each row, and which two of its coefficients it confuses most."""
+    """Return the condition number of each row, and its two most correlated coefficients."""
     for row, excitation in rows.items():
         pair = " and ".join(excitation.correlated)
         detail = f"; {pair} correlate by {excitation.correlation:.3f}" if pair else ""
@@ -78,20 +78,20 @@ def excitation_lines(rows: Mapping[str, Excitation]) -> Iterator[str]:
 
 
 def residual_lines(result: Identification) -> Iterator[str]:
-    """What the model leaves over, and what that says of it."""
+    """Return sentences on the residuals, and on the model error that they show."""
     if result.residual_excess:
         excess = ", ".join(f"{name} {x:.3g}" for name, x in result.residual_excess.items())
-        yield f"Residual over the sensors' noise: {excess}"
+        yield f"Residual over sensor noise (ideal: 1): {excess}"
     if result.disturbances is None:
         yield _model_error(result.model_error)
         return
     shares = result.disturbances.shares.items()
-    told = ", ".join(f"{name} {100.0 * share:.2g} %" for name, share in shares)
-    yield f"Unexplained acceleration: {told}"
+    listed = ", ".join(f"{name} {100.0 * share:.2g} %" for name, share in shares)
+    yield f"Unexplained acceleration: {listed}"
 
 
 def _model_error(error: ModelError) -> str:
-    """What residuals beyond the sensors' noise say of the model."""
+    """Return a sentence on the model error, estimated from residuals above sensor noise."""
     if error.share == 0.0:
         return "Model error: none visible in the residuals"
     return (
@@ -101,7 +101,7 @@ def _model_error(error: ModelError) -> str:
 
 
 def _horizons(validation: Validation) -> Iterator[str]:
-    """How far each channel is predicted, a line each."""
+    """Return a line for each channel with its fits by prediction horizon."""
     if not validation.horizons:
         return
     spans = ", ".join(f"{horizon:g}" for horizon in validation.horizons)
@@ -110,11 +110,11 @@ def _horizons(validation: Validation) -> Iterator[str]:
         if any(map(isnan, fits)):
             continue
         shown = ", ".join(f"{fit:.1f}" for fit in fits)
-        yield f"Prediction over {spans} s: {channel} {shown} %"
+        yield f"Prediction fit over {spans} s: {channel} {shown} %"
 
 
 def removed_lines(result: Identification) -> Iterator[str]:
-    """What the model does without, each with how large it could be."""
+    """Return each excluded parameter with its upper bound."""
     for name, parameter in result.removed.items():
         largest = max(map(abs, parameter.interval))
         known = f"below {largest:.2g} {parameter.unit}"
@@ -126,7 +126,7 @@ def estimates_table(
     estimates: Mapping[str, ValueEstimate],
     more: Mapping[Column, Callable[[str], Text | str]] = MappingProxyType({}),
 ) -> Table:
-    """Values by name, with intervals and verdicts; more columns with what they say of a name."""
+    """Return values with intervals and verdicts; `more` adds columns by a function of the name."""
     usual = (
         Column("name"),
         *numbers("value", "95 % interval"),
@@ -138,7 +138,7 @@ def estimates_table(
         value, interval = value_texts(e.value, *e.interval)
         if e.interval[0] == e.interval[1]:
             known = e.reason in ("given", "at its bound")
-            interval = e.reason if known else "fixed"  # why there is none
+            interval = e.reason if known else "fixed"
         others = (text(name) for text in more.values())
         verdict = Text(e.verdict, VERDICT_STYLES[e.verdict])
         table.add(name, value, interval, e.unit, verdict, *others)
@@ -146,22 +146,22 @@ def estimates_table(
 
 
 def format_fits(fits: Mapping[str, float]) -> str:
-    """Free-run fits of the channels as text."""
+    """Return the free-run fits of all channels as text."""
     return ", ".join(f"{channel} {format_fit(fit)}" for channel, fit in fits.items())
 
 
 def format_fit(fit: float) -> str:
-    """A free-run fit as text."""
+    """Return a free-run fit as text."""
     if isnan(fit):
         return "not tested (at rest)"
     return f"{fit:.1f} %" if fit > -1000.0 else "diverges"
 
 
-_LEAST_PROBABILITY = 1e-6  # below which a probability is no more than this
+_LEAST_PROBABILITY = 1e-6  # smaller probabilities are shown as "< 1e-06"
 
 
 def explanation(result: Identification) -> Iterator[Part]:
-    """Tables of what was tried, and sentences on what they rest on."""
+    """Return the evidence for the choices: tables of the alternatives, and sentences."""
     choices = result.choices
     yield ""
     if choices.term_evidence:
@@ -197,7 +197,7 @@ def _terms(choices: Choices) -> Table:
 
 def _segments(choices: Choices) -> Table:
     columns = (Column("length"), *numbers("residual over noise", "mean relative std"), Column(""))
-    table = Table("Segments of the prediction error", columns)
+    table = Table("Segment lengths of the prediction error", columns)
     for e in choices.segment_evidence:
         chosen = choices.segment_duration is not None and isclose(
             e.duration, choices.segment_duration
@@ -209,8 +209,8 @@ def _segments(choices: Choices) -> Table:
 
 
 def _delays(result: Identification) -> Table:
-    columns = (Column("channel"), *numbers("late by", "95 % interval"), Column(""))
-    table = Table("Time against the motor's encoder", columns)
+    columns = (Column("channel"), *numbers("delay", "95 % interval"), Column(""))
+    table = Table("Delays relative to the motor's encoder", columns)
     alignment = result.choices.alignment
     channels = {"input": alignment.input_delay, "link": alignment.link_delay}
     if result.model == "link":
@@ -222,7 +222,7 @@ def _delays(result: Identification) -> Table:
 
 
 def _disturbances(found: Disturbances) -> Iterator[Part]:
-    """What the drive does that no term describes."""
+    """Return the accelerations that no term explains."""
     table = Table("Unexplained acceleration, RMS", (Column("balance"), *numbers("share")))
     for name, share in found.shares.items():
         table.add(name, number(100.0 * share, 2, "%"))
@@ -246,7 +246,7 @@ _TITLES = {"flexible": "Flexible joint", "link": "Link of a flexible joint", "ri
 
 
 def heading(result: Identification) -> tuple[str, str]:
-    """The kind of joint, and the files with what was recorded."""
+    """Return the kind of joint, and the files with the recorded duration."""
     named = logs_of(result.provenance)
     if result.recordings:
         duration = sum(len(r) * r.sample_time for r in result.recordings)
@@ -256,10 +256,10 @@ def heading(result: Identification) -> tuple[str, str]:
 
 
 def answers(result: Identification) -> tuple[Answer, Answer]:
-    """Whether the parameters can be trusted, and what to do next."""
+    """Return whether the parameters can be trusted, and the next step."""
     lacking = [e for e in result.parameters.values() if e.verdict != "determined"]
     lacking = lacking or [e for e in result.coefficients.values() if e.verdict != "determined"]
-    trust = Answer("Can I trust them?", *_judged(result), [*_grounds(result, lacking)])
+    trust = Answer("Can I trust the values?", *_judged(result), [*_grounds(result, lacking)])
     return trust, _next_step(result, lacking)
 
 
@@ -275,39 +275,38 @@ def _judged(result: Identification) -> tuple[str, Tone]:
 
 
 def _grounds(result: Identification, lacking: Sequence[ValueEstimate]) -> Iterator[str]:
-    """What is not determined, and what data say that the fit never saw."""
+    """Return sentences on the intervals, the test on held-out data, and warnings."""
     yield (
-        f"Not determined: {', '.join(e.name for e in lacking)}."
+        f"Weak or undetermined: {', '.join(e.name for e in lacking)}."
         if lacking
-        else "Each interval reaches "
-        f"{100 * THRESHOLDS.determined_width:g} % of the value to either side at most."
+        else f"Each value is determined to ±{100 * THRESHOLDS.determined_width:g} % or negligible."
     )
     fits = {c: fit for c, fit in result.validation.fit_percent.items() if isfinite(fit)}
     if fits:
         worst = min(fits, key=lambda channel: fits[channel])
-        yield f"A free run over held-out data explains {fits[worst]:.1f} % of {worst}."
+        yield f"Worst fit of the free run to held-out data: {fits[worst]:.1f} % ({worst})."
     else:
-        yield "Nothing moves in the held-out data, so nothing was tested."
+        yield "The held-out data have no motion, so the model was not tested."
     if result.warnings:
-        yield "There are warnings."
+        yield "Read the warnings below."
 
 
 def _next_step(result: Identification, lacking: Sequence[ValueEstimate]) -> Answer:
-    """What to do with the estimate, or what would mend what is lacking."""
-    question = "What do I do next?"
+    """Return the next step: a test on another log, or a way to determine all parameters."""
+    question = "What should I do next?"
     if not lacking:
         test = Command("flexid validate estimate.json NEXT.csv")
-        return Answer(question, "Test it on another log", "", [test])
+        return Answer(question, "Test the values on another log", "", [test])
     worst = min(lacking, key=lambda e: e.verdict)  # undetermined before weak
     word = "Record another motion"
     if result.unexplained:
-        word = "Look for what the model lacks"
-    said = f"{worst.name}: {worst.reason}. Whether another motion would help, says"
-    return Answer(question, word, "", [said, Command("flexid excitation LOG.csv")])
+        word = "Find the effect that the model lacks"
+    reason = f"{worst.name}: {worst.reason}. To see if another motion would help, run"
+    return Answer(question, word, "", [reason, Command("flexid excitation LOG.csv")])
 
 
 def charts(result: Identification) -> Sequence[Chart]:
-    """All that the result has the data for."""
+    """Return all charts for which the result has data."""
     from flexid.report.response_charts import identification_charts
 
     return identification_charts(result)

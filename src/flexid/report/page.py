@@ -1,4 +1,4 @@
-"""A page: what a terminal prints, with figures; one HTML file in which nothing is fetched."""
+"""The report page: the terminal's output with figures, as one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 
 Tone = Literal["", "good", "fair", "bad"]
-"""What a word means for whoever reads it; shown as a sign and a colour."""
+"""Rating of an answer, shown as a sign and a colour."""
 
 
 @dataclass(frozen=True)
 class Command:
-    """A line for a terminal."""
+    """A command line to type in a terminal."""
 
     text: str
 
@@ -38,50 +38,50 @@ Item = Part | Chart | Command
 
 @dataclass(frozen=True)
 class Answer:
-    """An answer to a question that a reader has at first."""
+    """An answer to a question of the reader, at the top of the page."""
 
-    question: str  # the question
-    word: str  # the answer in a word or two
-    tone: Tone  # what that means
-    content: Sequence[str | Command]  # what it rests on
+    question: str
+    word: str  # short answer
+    tone: Tone  # rating of the answer
+    content: Sequence[str | Command]  # sentences and commands below the answer
 
 
 @dataclass(frozen=True)
 class Section:
     """A part of a page with a heading."""
 
-    name: str  # its address within the page
-    title: str  # its heading
-    content: Sequence[Item]  # what it holds
+    name: str  # anchor within the page
+    title: str  # heading
+    content: Sequence[Item]  # tables, sentences and figures
 
 
 @dataclass(frozen=True)
 class Page:
-    """A page of an answer."""
+    """Content of a report page."""
 
-    title: str  # what of
-    subject: str  # what from
-    lead: Table  # the table that one looks for
-    answers: Sequence[Answer]  # to what one asks next
-    sections: Sequence[Section]  # all else
+    title: str  # kind of the result
+    subject: str  # source of the result, such as its logs
+    lead: Table  # main table
+    answers: Sequence[Answer]  # next to the main table
+    sections: Sequence[Section]  # everything else
 
 
 @dataclass(frozen=True)
 class Presenter:
-    """What there is to show of a kind of result; each function takes the result first."""
+    """Functions that present a kind of result; each takes the result as first argument."""
 
-    heading: Callable[..., tuple[str, str]]  # what it is, and what it was made from
+    heading: Callable[..., tuple[str, str]]  # title and source
     parts: Callable[..., Iterable[Part]]  # tables and sentences
     document: Callable[..., Mapping[str, Any]]  # everything but the time series, for JSON
     charts: Callable[..., Sequence[Chart]] = lambda *_: ()  # the most important one first
-    answers: Callable[..., Sequence[Answer]] = lambda *_: ()  # on a page, next to the first table
-    evidence: Callable[..., Iterable[Part]] = lambda *_: ()  # what choices rest on
-    write_data: Callable[..., None] = lambda *_: None  # into a folder; whether as CSV, too
+    answers: Callable[..., Sequence[Answer]] = lambda *_: ()  # next to the main table
+    evidence: Callable[..., Iterable[Part]] = lambda *_: ()  # evidence for choices
+    write_data: Callable[..., None] = lambda *_: None  # takes folder, and whether to add CSV
 
     def page(
         self, shown: Sequence[Any], charts: Sequence[Chart], warnings: Sequence[str], command: str
     ) -> Page:
-        """All that is printed of a result, with its charts and how to repeat it."""
+        """Return a page with the printed result, its charts, and the command that repeats it."""
         parts = [*self.parts(*shown)]
         lead = next(part for part in parts if isinstance(part, Table))
         rest = [part for part in parts if part is not lead]
@@ -90,10 +90,10 @@ class Presenter:
         origin += [facts] if facts.rows else []
         sections = (
             Section("warnings", "Warnings", [Text(warning, "yellow") for warning in warnings]),
-            Section("numbers", "In numbers and sentences", rest),
+            Section("numbers", "All other results", rest),
             *(Section(chart.name, chart.title, [chart]) for chart in charts),
-            Section("evidence", "The evidence behind every choice", [*self.evidence(*shown)]),
-            Section("origin", "How to repeat it", origin),
+            Section("evidence", "Evidence for every choice", [*self.evidence(*shown)]),
+            Section("origin", "How to repeat this result", origin),
         )
         title, subject = self.heading(*shown)
         filled = [section for section in sections if section.content]
@@ -101,22 +101,22 @@ class Presenter:
 
 
 def logs_of(provenance: Mapping[str, Any]) -> str:
-    """Names of the files that a result was made from."""
+    """Return the names of the logs of a result."""
     logs = provenance.get("inputs", ())
     files = [Path(log["file"]).name for log in logs if log.get("file")]
     return ", ".join(files) or "data in memory"
 
 
 def _facts(provenance: Mapping[str, Any]) -> Table:
-    """Versions, logs with their digests, settings and choices."""
-    table = Table("Provenance", (Column("what"), Column("value")))
+    """Return a table of versions, logs with their digests, settings and choices."""
+    table = Table("Provenance", (Column("item"), Column("value")))
     for name, value in _flat(provenance):
         table.add(name, value)
     return table
 
 
 def _flat(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
-    """Names with values of what lies within each other; what is not there is left out."""
+    """Return names and values of nested mappings, flattened and without empty values."""
     if isinstance(value, Mapping):
         for key, part in value.items():
             yield from _flat(part, f"{name} {key}".strip())
@@ -137,7 +137,7 @@ _TONES = {"green": "good", "yellow": "fair", "red": "bad"}
 
 
 def page_html(page: Page) -> str:
-    """A whole document with style and figures inside; it allows no request and no script."""
+    """Return an HTML document with style and figures, which allows no request and no script."""
     from markupsafe import Markup
 
     own = (_HERE / "page.css").read_text(encoding="utf-8")
@@ -150,7 +150,7 @@ def page_html(page: Page) -> str:
 
 @cache
 def page_environment(folder: Path = _HERE) -> Environment:
-    """Templates that escape what they are given, name a page's items and typeset them."""
+    """Return the template environment: autoescaping, with filters for the items of a page."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
 
@@ -173,7 +173,7 @@ def page_environment(folder: Path = _HERE) -> Environment:
 
 
 def breakable(name: str) -> Any:
-    """A name that may go on in the next line after each underscore."""
+    """Return a name that may wrap after each underscore."""
     from markupsafe import Markup, escape
 
     return Markup("<wbr>").join(map(escape, re.split("(?<=_)", str(name))))
@@ -181,5 +181,5 @@ def breakable(name: str) -> Any:
 
 @cache
 def drawing_style() -> str:
-    """The style sheet of figures, with the colours by day and by night."""
+    """Return the style sheet of figures, with the colours of light and dark mode."""
     return (_HERE / "chart.css").read_text(encoding="utf-8")

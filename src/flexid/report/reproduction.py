@@ -50,7 +50,7 @@ _SHORT = {"depends on the reading": "depends"}
 
 
 def parts(result: Reproduction) -> Iterator[Part]:
-    """Tables and sentences of the answer."""
+    """Return tables and sentences of the result."""
     yield _claims(result.claims)
     yield _readings(result)
     yield _parameter_errors(result)
@@ -95,7 +95,7 @@ def _cases(cases: tuple[TheoremCase, ...]) -> Table:
         Column("case"),
         Column("reference"),
         Column("rows"),
-        *numbers("condition number", "settled", "largest error left"),
+        *numbers("condition number", "settled", "largest remaining error"),
     )
     table = Table("Theorem 1 in three cases, gains (1,2,3)", columns)
     for case in cases:
@@ -111,7 +111,7 @@ def _cases(cases: tuple[TheoremCase, ...]) -> Table:
 
 
 def _claims(claims: tuple[Claim, ...]) -> Table:
-    columns = (Column("claim, and what decides it"), *numbers("value", "wanted"))
+    columns = (Column("claim, with its tests"), *numbers("value", "required"))
     table = Table("Claims of the paper", (*columns, Column("", right=True)))
     for claim in claims:
         verdict = Text(_SHORT.get(claim.verdict, claim.verdict), _COLOURS[claim.verdict])
@@ -130,25 +130,25 @@ def _claims(claims: tuple[Claim, ...]) -> Table:
 
 SYMBOLS = {"theta1": "θ₁", "theta2": "θ₂", "alpha1": "α₁", "alpha2": "α₂"}
 NOISE = 1e-3 * TOLERANCE
-"""The integrator's absolute tolerance: smaller parameter errors are not distinguished from zero."""
+"""The integrator's absolute tolerance: smaller parameter errors cannot be told from zero."""
 
 _OF_READINGS: Mapping[str, Colour] = {"1,2,3": "blue", "1,1,3": "orange"}
 
 _LAST = 0.5  # s
-_PEAKS = 0.1  # s, of which each shows the largest parameter error
+_PEAKS = 0.1  # s per point, which shows the largest parameter error in them
 _UNITS = {"theta1": "1/s²", "theta2": "1/s²", "alpha1": "1/s²", "alpha2": "1/s"}
-_MARGIN = 0.08  # of what a parameter error does after its first 50 ms, above and below it
+_MARGIN = 0.08  # share of a parameter error's range after 50 ms, left free above and below
 
 
 def charts(result: Reproduction) -> tuple[Chart, ...]:
-    """figure1 to figure5 and theorem1."""
+    """Return figure1 to figure5 and theorem1."""
     runs = result.runs
     errors = [error_chart(runs, name, number) for number, name in enumerate(UNKNOWN, start=2)]
     return tracking_chart(runs), *errors, theorem_chart(runs)
 
 
 def tracking_chart(runs: Mapping[str, SteadyRun]) -> Chart:
-    """Figure 1: the tracking error over time and over its last half second."""
+    """Return Figure 1: the tracking error over the run and over its last half second."""
     panels = []
     for name, run in runs.items():
         time, error = run.run.time, run.run.tracking_error
@@ -166,12 +166,12 @@ def tracking_chart(runs: Mapping[str, SteadyRun]) -> Chart:
         panels.append(Panel("last half second", at_end, y, (last,)))
     found = ", ".join(f"{_number(run.max_tracking_error)} rad" for run in runs.values())
     names = " and ".join(f"({name})" for name in runs)
-    says = f"Over the last ten seconds the readings {names} track to {found}."
+    says = f"Over the last ten seconds the tracking errors of readings {names} are at most {found}."
     return Chart("figure1", "Figure 1: tracking error", says, tuple(panels), columns=4)
 
 
 def error_chart(runs: Mapping[str, SteadyRun], coefficient: str, number: int) -> Chart:
-    """One of Figures 2 to 5: a parameter error over time above, its magnitude below."""
+    """Return one of Figures 2 to 5: a parameter error over time, and its magnitude."""
     column = UNKNOWN.index(coefficient)
     symbol, unit = SYMBOLS[coefficient], _UNITS[coefficient]
     time = Axis("time", "s", limits=(0.0, DURATION))
@@ -206,12 +206,12 @@ def error_chart(runs: Mapping[str, SteadyRun], coefficient: str, number: int) ->
 
 
 def _number(value: float) -> str:
-    """Three digits; what the integrator's error hides is called so."""
+    """Return three digits, or a bound for values below the integrator's error."""
     return f"{value:.3g}".replace("-", "−") if abs(value) > 10 * NOISE else "|·| < 1e−10"
 
 
 def _late_values(runs: Mapping[str, SteadyRun], column: int) -> tuple[tuple[float, float], str]:
-    """Limits of all but the first 50 ms, which would flatten the rest, and what they cut off."""
+    """Return limits for all but the first 50 ms, and a note on the first value if cut off."""
     late = np.concatenate([run.run.parameter_errors[50:, column] for run in runs.values()])
     limits = with_margin(float(late.min()), float(late.max()), _MARGIN)
     first = float(next(iter(runs.values())).run.parameter_errors[0, column])
@@ -219,7 +219,7 @@ def _late_values(runs: Mapping[str, SteadyRun], column: int) -> tuple[tuple[floa
 
 
 def theorem_chart(runs: Mapping[str, SteadyRun]) -> Chart:
-    """V along both runs."""
+    """Return the Lyapunov function V along both runs."""
     values = tuple(
         Line(f"gains ({name})", run.monitor.time, run.monitor.value, _OF_READINGS[name])
         for name, run in runs.items()
@@ -237,7 +237,7 @@ def theorem_chart(runs: Mapping[str, SteadyRun]) -> Chart:
 
 
 def document(result: Reproduction) -> dict[str, Any]:
-    """Everything of the reproduction but its time series; SI units."""
+    """Return everything but the time series for JSON, in SI units."""
     return {
         "readings": {
             name: _reading_document(result.readings[name]) | _run_document(run)
@@ -328,7 +328,7 @@ _PAPER = (
 
 
 def heading(_result: Reproduction) -> tuple[str, str]:
-    """What is reproduced."""
+    """Return the title, and the paper."""
     return "Huang (2003), reproduced", _PAPER
 
 

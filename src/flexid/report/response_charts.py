@@ -1,4 +1,4 @@
-"""Motion over time and over frequency: free runs beside logs, residuals, and Bode plots."""
+"""Charts of logs, free runs, residuals and frequency responses."""
 
 from collections.abc import Mapping, Sequence
 from math import isfinite
@@ -19,8 +19,8 @@ from flexid.stored_estimates.frequency_response import (
     frequency_response,
 )
 
-_MARGIN = 0.15  # of the measured range, above and below it
-_BELOW = 0.5  # height of a panel of residuals over that of the motion above it
+_MARGIN = 0.15  # share of the measured range, left free above and below
+_BELOW = 0.5  # height of the panel of residuals, relative to the panel above it
 
 
 def free_run_chart(
@@ -30,14 +30,14 @@ def free_run_chart(
     noise: Mapping[str, float],
     types: Sequence[JointType],  # how each joint moves
 ) -> Chart:
-    """Free runs channel by channel, with the residual below each; what is cut off is said."""
+    """Return free runs and residuals by channel; panel titles report what is cut off."""
     panels = []
     for place, (channel, fit) in enumerate(validation.fit_percent.items()):
         label, unit = channel.replace("_", " "), unit_of_channel(channel, types)
         panels += _panels(label, fit, validation.runs, place, noise.get(channel), unit)
     says = (
-        "The model runs from the first state alone, on data not used for the fit. Below each "
-        "channel is what it leaves, which should look like the sensors' noise."
+        "The model is simulated from its initial state, over data not used for the fit. The "
+        "residual below each channel should look like sensor noise."
     )
     return Chart(name, title, says, tuple(panels))
 
@@ -45,7 +45,7 @@ def free_run_chart(
 def _panels(
     label: str, fit: float, runs: Sequence[FreeRun], place: int, noise: float | None, unit: str
 ) -> tuple[Panel, Panel]:
-    """A channel's motion, and the residual below."""
+    """Return the panels of a channel's motion and of its residual."""
     time = Axis("time", "s")
     measured = np.concatenate([run.measured[:, place] for run in runs])
     simulated = np.concatenate([run.simulated[:, place] for run in runs])
@@ -58,7 +58,7 @@ def _panels(
         if not isfinite(largest):
             title += "; it diverges"
         elif ((simulated < frame[0]) | (simulated > frame[1])).any():
-            title += f"; beyond the frame, by up to {largest:.2g} {unit}"
+            title += f"; cut off, residual up to {largest:.2g} {unit}"
         below = (-span, span) if largest > span else None
     motion, residuals = [], []
     for run in runs:
@@ -93,12 +93,12 @@ def _finite(values: FloatArray) -> FloatArray:
     return np.where(np.isfinite(values), values, np.nan)
 
 
-_LONGEST_LAG = 0.1  # of the longest run
+_LONGEST_LAG = 0.1  # share of the longest run
 _SIGNIFICANT = 1.96  # standard deviations of the autocorrelation of white noise
 
 
 def residual_chart(validation: Validation, types: Sequence[JointType]) -> Chart:
-    """Residual of each channel over time, and its autocorrelation with the band of white noise."""
+    """Return each channel's residual, and its autocorrelation with the band of white noise."""
     longest = max(validation.runs, key=lambda run: len(run.time))
     panels = []
     for place, channel in enumerate(validation.fit_percent):
@@ -111,15 +111,15 @@ def residual_chart(validation: Validation, types: Sequence[JointType]) -> Chart:
         panels.append(Panel(label, time, below, tuple(lines)))
         panels.append(_autocorrelation_panel(label, longest.time, _error(longest, place)))
     says = (
-        "Of white noise, a twentieth of the autocorrelation lies outside the grey band. A larger "
-        "share shows a model error, or noise of the input."
+        "For white noise, 5 % of the autocorrelation lies outside the grey band. A larger share "
+        "indicates a model error, or noise in the input."
     )
     title = "Residuals, and their autocorrelation"
     return Chart("residuals", title, says, tuple(panels), columns=2)
 
 
 def _autocorrelation_panel(label: str, time: FloatArray, residual: FloatArray) -> Panel:
-    """The autocorrelation, with the band of white noise."""
+    """Return the panel of an autocorrelation, with the band of white noise."""
     lag = time[: max(2, int(_LONGEST_LAG * len(time)))] - time[0]
     band = _SIGNIFICANT / np.sqrt(len(residual))
     edges = np.full(2, band)
@@ -135,7 +135,7 @@ def _autocorrelation_panel(label: str, time: FloatArray, residual: FloatArray) -
 
 
 def autocorrelation(values: FloatArray) -> FloatArray:
-    """Autocorrelation at lags 0, 1, ..., shape (n,); of what does not vary, 0 but at lag 0."""
+    """Return the autocorrelation at lags 0, 1, ..., shape (n,); 0 for constant values."""
     centred = values - values.mean()
     spectrum = np.abs(np.fft.rfft(centred, 2 * len(values))) ** 2
     products = np.fft.irfft(spectrum, 2 * len(values))[: len(values)]
@@ -145,7 +145,7 @@ def autocorrelation(values: FloatArray) -> FloatArray:
 
 
 def log_chart(log: Log) -> Chart:
-    """Positions, deflection and input of a log over time, cut where the log has gaps."""
+    """Return positions, deflection and input of a log over time, with its gaps."""
     first = log.recordings[0]
     gap = np.array([np.nan])
 
@@ -180,13 +180,13 @@ def log_chart(log: Log) -> Chart:
     )
 
 
-_SIDE = 0.3  # of a decade, left free above and below the magnitudes
+_DECADE_MARGIN = 0.3  # share of a decade, left free above and below the magnitudes
 _COLOURS: dict[str, Colour] = {"antiresonance": "green", "resonance": "red"}
-_BESIDE = 25.0  # °, left free above and below the phases
+_PHASE_MARGIN = 25.0  # °, left free above and below the phases
 
 
 def bode_chart(described: FrequencyResponse) -> Chart:
-    """Magnitude in physical units and phase of every response over frequency in Hz."""
+    """Return magnitude and phase of every response over frequency in Hz."""
     responses = described.responses[::-1]  # the motor, where the torque acts, comes first
     hertz = described.frequency
     x = Axis("frequency", "Hz", logarithmic=True, limits=(float(hertz[0]), float(hertz[-1])))
@@ -213,7 +213,7 @@ def bode_chart(described: FrequencyResponse) -> Chart:
     return Chart(
         "bode",
         "Frequency response of the joint, for small motions",
-        "The band is what the log leaves open at each frequency.",
+        "The shaded band is the confidence interval at each frequency.",
         tuple(Panel(name, x, y, (*marks, *marked), height) for name, y, marks, height in panels),
         columns=len(responses),
     )
@@ -245,15 +245,15 @@ def _phase(described: FrequencyResponse, response: Response) -> list[Mark]:
 
 
 def _degrees(phases: Sequence[Sequence[Mark]]) -> tuple[float, float]:
-    """Ends of the axis of phases: those of all models."""
+    """Return the limits of the phase axis, for the phases of all models."""
     drawn = [mark.y for marks in phases for mark in marks if isinstance(mark, Line)]
     shown = np.concatenate([np.zeros(1), *drawn])
     shown = shown[np.isfinite(shown)]
-    return float(shown.min()) - _BESIDE, float(shown.max()) + _BESIDE
+    return float(shown.min()) - _PHASE_MARGIN, float(shown.max()) + _PHASE_MARGIN
 
 
 def _magnitudes(described: FrequencyResponse) -> tuple[float, float]:
-    """Ends of the axis of magnitudes, which the bottom of an antiresonance does not decide."""
+    """Return the limits of the magnitude axis; a deep antiresonance may be cut off."""
     logarithms = np.log(described.frequency)
     evenly = np.linspace(logarithms[0], logarithms[-1], 200)
     sizes = [
@@ -262,11 +262,11 @@ def _magnitudes(described: FrequencyResponse) -> tuple[float, float]:
         if r.values.all()
     ]
     low, high = np.quantile(np.concatenate(sizes), (0.02, 1.0)) if sizes else (-1.0, 1.0)
-    return float(10 ** (low - _SIDE)), float(10 ** (high + _SIDE))
+    return float(10 ** (low - _DECADE_MARGIN)), float(10 ** (high + _DECADE_MARGIN))
 
 
 def identification_charts(result: Identification) -> Sequence[Chart]:
-    """All that the result has the data for: a loaded one has no time series."""
+    """Return all charts for which the result has data; a loaded one has no time series."""
     bode = bode_chart(frequency_response(result))
     if not result.validation.runs:
         return (bode,)
@@ -274,9 +274,9 @@ def identification_charts(result: Identification) -> Sequence[Chart]:
 
 
 def fit_chart(result: Identification) -> Chart:
-    """Free run of the model over the held-out data, channel by channel, and its residual."""
+    """Return the free run over the held-out data, channel by channel, with its residual."""
     deviation = result.compliance.deflection_noise
-    flexible = result.model == "flexible"  # a link's deflection has no noise of the motor's encoder
+    flexible = result.model == "flexible"  # the link alone has the motor's encoder as input
     noise = {"deflection": deviation} if flexible and 0.0 < deviation < np.inf else {}
-    title = "Free run of the model over data kept out of the fit"
+    title = "Free run of the model over held-out data"
     return free_run_chart("fit", title, result.validation, noise, (result.joint,))

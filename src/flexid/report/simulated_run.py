@@ -27,7 +27,7 @@ from flexid.simulation.closed_loop import Run
 
 
 def parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[Part]:
-    """Tables and sentences of the answer."""
+    """Return tables and sentences of the result."""
     length = f"{run.time[-1]:g} s {experiment.mode}"
     spent = (f"{count} {name.replace('_', ' ')}" for name, count in run.statistics.items())
     yield f"{experiment.name}: {length}, {', '.join(spent)}"
@@ -47,7 +47,7 @@ def parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[Part
 
 
 def estimates_table(experiment: Experiment, run: Run, measures: Measures) -> Table:
-    """Where the observer's estimates begin and end."""
+    """Return initial and final estimates of the observer, with their errors."""
     headings = ("true", "initial", "final", "error", f"within {100 * SETTLED:.0f} %")
     columns = (Column("coefficient"), *numbers(*headings), Column("unit", whole=True))
     table = Table("Estimates of the observer", columns)
@@ -66,17 +66,17 @@ def estimates_table(experiment: Experiment, run: Run, measures: Measures) -> Tab
 
 
 _COLOURS: tuple[Colour, ...] = ("blue", "orange", "green", "red", "grey")  # of the inputs
-_USUAL = 0.99  # share of the samples that has to be seen
-_BEYOND = 4.0  # times what is usual, from which on a few samples are left out of the frame
+_USUAL = 0.99  # share of the samples that a panel always shows
+_BEYOND = 4.0  # ratio of peak to usual size from which the panel cuts off the peak
 
 
 def charts(experiment: Experiment, run: Run, _measures: Measures) -> tuple[Chart, Chart]:
-    """The motion, and the estimates."""
+    """Return the charts of the motion and of the estimates."""
     return motion_chart(experiment.name, run), observer_chart(experiment.name, run)
 
 
 def motion_chart(name: str, run: Run) -> Chart:
-    """Reference and tracked state, the error between them, and the inputs."""
+    """Return reference and tracked state, the tracking error, and the inputs."""
     joint, tracked = is_joint(run), run.loop.controller.tracked
     label = "link position" if joint and tracked == "x1" else tracked
     unit = "rad" if joint else ""
@@ -108,12 +108,12 @@ def motion_chart(name: str, run: Run) -> Chart:
             drive,
         ),
     )
-    says = "A few samples that would hide all others leave the frame, and the title says so."
+    says = "A few extreme samples may be cut off; the title of the panel then gives the peak."
     return Chart("motion", f"{name}: motion", says, panels)
 
 
 def observer_chart(name: str, run: Run) -> Chart:
-    """Every estimate over time, with the true value and the band in which it counts as settled."""
+    """Return every estimate over time, with the true value and the band of settling."""
     panels = []
     for place, coefficient in enumerate(run.loop.system.coefficients):
         true = run.loop.coefficients[coefficient]
@@ -126,24 +126,24 @@ def observer_chart(name: str, run: Run) -> Chart:
         )
         y = Axis("estimate", coefficient_unit(run, coefficient))
         panels.append(Panel(coefficient, Axis("time", "s"), y, marks))
-    says = "An estimate that stays in the band of the true value has settled."
+    says = "An estimate has settled once it stays within the band around the true value."
     columns = 2 if len(panels) > 1 else 1
     return Chart("estimates", f"{name}: estimates", says, tuple(panels), columns)
 
 
 def _frame(values: FloatArray) -> tuple[tuple[float, float] | None, str]:
-    """Limits in which a few samples do not hide all the rest, and what is said of them."""
+    """Return limits that cut off a few extreme samples, and a note for the title."""
     size = np.abs(values)
     largest, usual = float(size.max()), 1.3 * float(np.quantile(size, _USUAL))
     if 0.0 < _BEYOND * usual < largest:
-        return (-usual, usual), f"; beyond the frame: up to {largest:.3g}"
+        return (-usual, usual), f"; cut off: up to {largest:.3g}"
     return None, ""
 
 
 def save_series(
     _experiment: Experiment, run: Run, _measures: Measures, directory: Path, csv: bool
 ) -> None:
-    """Write run.parquet and log.parquet, and the same as CSV if wanted."""
+    """Write run.parquet and log.parquet, and if requested the same series as CSV."""
     for name, columns in {"run": run_columns(run), "log": log_columns(run)}.items():
         table = pl.DataFrame(columns)
         write_parquet(table, directory / f"{name}.parquet")
@@ -152,12 +152,12 @@ def save_series(
 
 
 def heading(experiment: Experiment, run: Run, _measures: Measures) -> tuple[str, str]:
-    """What is simulated, and for how long."""
+    """Return the name of the experiment, and the duration."""
     return experiment.name, f"{run.time[-1]:g} s, {experiment.mode}"
 
 
 def document(experiment: Experiment, run: Run, measures: Measures) -> dict[str, Any]:
-    """The run in numbers, for JSON."""
+    """Return the figures of the run, for JSON."""
     true = experiment.loop.coefficients
     return {
         "name": experiment.name,

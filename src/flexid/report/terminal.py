@@ -1,4 +1,4 @@
-"""How answers are printed: sentences, and tables that never cut a number."""
+"""Output on a terminal: sentences, and tables that never cut a number."""
 
 import io
 import re
@@ -17,7 +17,7 @@ from rich.text import Text
 
 from flexid.identification.vocabulary.evidence import Verdict
 
-WIDEST = 100  # columns that an answer takes at most; longer lines are hard to read
+WIDEST = 100  # columns at most; longer lines are hard to read
 
 _BETWEEN = 2  # blanks between two columns
 _EMPTY = Text()
@@ -27,31 +27,31 @@ class Column(NamedTuple):
     """A column of a table."""
 
     heading: str
-    right: bool = False  # as numbers stand
-    whole: bool = False  # its cells are never broken, as units are not
+    right: bool = False  # right-aligned, as numbers are
+    whole: bool = False  # cells are never wrapped, as with units
 
 
 def numbers(*headings: str) -> tuple[Column, ...]:
-    """Columns that stand on the right."""
+    """Return right-aligned columns."""
     return tuple(Column(heading, right=True) for heading in headings)
 
 
 @dataclass
 class Table:
-    """A table; where it would be too wide, words and parts of names are put below each other."""
+    """A table, which wraps words and parts of names if it is too wide."""
 
     title: str
     columns: Sequence[Column]  # the first one names the rows
     rows: list[tuple[Text, ...]] = field(default_factory=list)
 
     def add(self, *cells: Text | str) -> None:
-        """Add a row; cells that are missing at its end are empty."""
+        """Add a row; missing cells at its end are empty."""
         texts = [Text(cell) if isinstance(cell, str) else cell for cell in cells]
         texts += [Text()] * (len(self.columns) - len(texts))
         self.rows.append(tuple(texts))
 
     def drawn(self, width: int) -> Grid:
-        """The table within some columns, or as many as numbers and words need."""
+        """Return the table within `width` columns, or as wide as its numbers and words need."""
         grid = Grid(
             box=box.SIMPLE_HEAD,
             show_edge=False,
@@ -69,7 +69,7 @@ class Table:
         return grid
 
     def _widths(self, width: int) -> list[int]:
-        """The width of each column: what has most room gives way first, and numbers at last."""
+        """Return column widths; the column with most slack shrinks first, and numbers last."""
         widths, slack = [], []
         for place, column in enumerate(self.columns):
             texts = [column.heading, *(row[place].plain for row in self.rows)]
@@ -85,12 +85,12 @@ class Table:
 
 
 def _parts(text: str, *, name: bool) -> list[str]:
-    """What of a text keeps together: words, and of a name what underscores divide."""
+    """Return the unbreakable parts of a text: words, and parts of names up to underscores."""
     return [part.rstrip() for part in re.split(r"(?<=[ _])" if name else r"(?<= )", text)]
 
 
 def _broken(name: Text, width: int) -> Text:
-    """A name in lines of some width, broken after its underscores."""
+    """Return a name wrapped to a width after its underscores."""
     lines = [""]
     for part in re.split(r"(?<=[ _])", name.plain):
         if cell_len(lines[-1] + part.rstrip()) > width and lines[-1]:
@@ -99,19 +99,19 @@ def _broken(name: Text, width: int) -> Text:
     return Text("\n".join(lines), name.style) if len(lines) > 1 else name
 
 
-Part = Table | Text | str  # a table or a sentence, which is a `Text` where it has a style
+Part = Table | Text | str  # a table or a sentence; a `Text` has a style
 
 
 def number(value: float, digits: int, unit: str = "") -> str:
-    """A number with so many significant digits, and its unit."""
+    """Return a number as text, with `digits` significant digits and its unit."""
     text = f"{value:.{digits}g}"
-    if "e+0" in text and abs(value) < 1e6:  # no power of ten for what has six digits at most
+    if "e+0" in text and abs(value) < 1e6:  # no power of ten for up to six digits
         text = f"{float(text):.0f}"
     return f"{text} {unit}" if unit else text
 
 
 def laid_out(parts: Iterable[Part], width: int) -> Group:
-    """Tables, an empty line below each, and sentences."""
+    """Return the layout of sentences, and of tables with an empty line below each."""
     drawn: list[RenderableType] = []
     for part in parts:
         if isinstance(part, Table):
@@ -127,7 +127,7 @@ def laid_out(parts: Iterable[Part], width: int) -> Group:
 
 
 def as_text(parts: Iterable[Part], width: int = WIDEST) -> str:
-    """Tables and sentences as lines of text, without colour."""
+    """Return tables and sentences as lines of text, without colour."""
     with io.StringIO() as file:
         console = Console(file=file, width=width, color_system=None, highlight=False)
         console.print(laid_out(parts, width), soft_wrap=False, crop=False)
@@ -136,21 +136,21 @@ def as_text(parts: Iterable[Part], width: int = WIDEST) -> str:
 
 
 def print_parts(parts: Iterable[Part]) -> None:
-    """Print tables and texts on standard output, one after the other."""
+    """Print tables and sentences on standard output."""
     console = Console(highlight=False)
     width = min(console.width, WIDEST)
     if console.is_terminal:
         console.print(laid_out(parts, width), width=width, crop=False)
     else:
         print(as_text(parts, width))
-    sys.stdout.flush()  # what cannot be written fails here, and not when Python ends
+    sys.stdout.flush()  # so that a write error is raised here, and not at exit
 
 
-_MOST = 15  # significant digits, beyond which a float's own rounding begins
+_MOST = 15  # significant digits that a float can represent
 
 
 def format_with_interval(value: float, lower: float, upper: float) -> tuple[str, str, str]:
-    """Numbers as text, with two digits of the width of their interval."""
+    """Return numbers as text, to two digits of the width of their interval."""
     numbers = (value, lower, upper)
     width = upper - lower
     if isnan(width) or not isfinite(value) or width < 0.0 or width == inf:
@@ -161,13 +161,13 @@ def format_with_interval(value: float, lower: float, upper: float) -> tuple[str,
         largest = max(map(abs, numbers))
         place = max(floor(log10(width)) - 1, floor(log10(largest)) - _MOST + 1)
         if lower < 0.0 < upper and abs(value) < 0.5 * 10.0**place:
-            numbers = (0.0, lower, upper)  # its own digits would say what the log does not
+            numbers = (0.0, lower, upper)  # digits below the interval's resolution mean nothing
         first, second, third = _rounded(numbers, place)
     return first, second, third
 
 
 def _rounded(numbers: Sequence[float], place: int) -> tuple[str, ...]:
-    """Numbers rounded to a power of ten: as usual, or all scientific where that is shorter."""
+    """Return numbers rounded at a power of ten; all scientific if that is shorter."""
     scientific = tuple(_scientific(x, place) for x in numbers)
     usual = tuple(
         f"{x:.{-own}f}" if (own := _own_place(x, place)) <= 0 else f"{float(text):.0f}"
@@ -183,12 +183,12 @@ def _scientific(x: float, place: int) -> str:
 
 
 def _own_place(x: float, place: int) -> int:
-    """The last place of a number: it keeps one digit at least."""
+    """Return the last decimal place of a number, which keeps at least one digit."""
     return min(place, floor(log10(abs(x)))) if x else place
 
 
 def listed(words: Sequence[str]) -> str:
-    """Words in a row, with "and" before the last."""
+    """Return words as an enumeration, with "and" before the last."""
     return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 
@@ -200,6 +200,6 @@ VERDICT_STYLES: dict[Verdict, str] = {
 
 
 def value_texts(value: float, lower: float, upper: float) -> tuple[str, str]:
-    """A number and its interval for a table."""
+    """Return a number and its interval as texts for a table."""
     shown, low, high = format_with_interval(value, lower, upper)
     return shown, f"[{low}, {high}]"

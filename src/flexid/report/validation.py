@@ -18,7 +18,7 @@ from flexid.stored_estimates.validate_estimate import EstimateValidation
 
 
 def parts(result: EstimateValidation) -> Iterator[Part]:
-    """Tables and sentences of the answer."""
+    """Return tables and sentences of the result."""
     yield fits_table(result)
     yield _errors_table(result)
     moving = {channel: fit for channel, fit in result.fit_percent.items() if not isnan(fit)}
@@ -27,29 +27,29 @@ def parts(result: EstimateValidation) -> Iterator[Part]:
         yield _poor_free_run(result, worst)
     count = len(result.runs)
     yield (
-        f"{count} recording{'s' if count > 1 else ''} of {_drive(result)}. Each "
-        f"prediction starts from the state that the half second before it shows."
+        f"{count} recording{'s' if count > 1 else ''} of {_drive(result)}. The initial state of "
+        f"each prediction is fitted to the half second before it."
     )
 
 
 def _poor_free_run(result: EstimateValidation, worst: str) -> str:
-    """What a free run says that loses a channel: nothing of the drive, if it is only too long."""
+    """Return a sentence on a poor free run; good short predictions excuse a long log."""
     fit, longest = result.fit_percent[worst], HORIZONS[-1]
-    lost = f"{fit:.3g} % of {worst}" if isfinite(fit) else f"nothing of {worst}"
+    poor = f"has a fit of {fit:.3g} % to {worst}" if isfinite(fit) else f"diverges in {worst}"
     predicted = result.horizons.get(longest, {}).values()
     if predicted and not any(found < WEAK_FIT for found in predicted):
         return (
-            f"The free run explains {lost}, since small errors add up over the log: judge the "
+            f"The free run {poor}, because small errors add up over the log: judge the "
             f"estimate by its predictions over {longest:g} s."
         )
     return (
-        f"The estimate does not describe this drive: the free run explains {lost}. Identify these "
+        f"The estimate does not describe this drive: the free run {poor}. Identify these "
         f"logs, and compare both estimates."
     )
 
 
 def fits_table(result: Validation) -> Table:
-    """How much of each channel is predicted, by horizon."""
+    """Return the fit of each channel by prediction horizon."""
     fits = {**result.horizons, inf: result.fit_percent}
     columns = (Column("channel"), *numbers(*map(_horizon, fits)))
     table = Table("Prediction fit by horizon (%)", columns)
@@ -70,7 +70,7 @@ def _errors_table(result: EstimateValidation) -> Table:
 
 def _drive(result: EstimateValidation) -> str:
     words = {"arm": "an arm", "link": "a link alone"}.get(result.model, f"a {result.model} joint")
-    return f"{words} that slides" if "revolute" not in result.types else words
+    return f"{words} (prismatic)" if "revolute" not in result.types else words
 
 
 def _horizon(horizon: float) -> str:
@@ -86,19 +86,19 @@ def _fit(fit: float) -> str:
 
 
 def heading(result: EstimateValidation) -> tuple[str, str]:
-    """Whose estimate, and the files."""
-    return f"Estimate of {_drive(result)} on other logs", logs_of(result.provenance)
+    """Return the kind of drive, and the files."""
+    return f"Estimate of {_drive(result)}, tested on other logs", logs_of(result.provenance)
 
 
 def charts(result: EstimateValidation) -> tuple[Chart, Chart]:
-    """Free run over each log, channel by channel, and its residuals."""
+    """Return the free run over each log, channel by channel, and its residuals."""
     title = "Free run of the estimate over other logs"
     free_run = free_run_chart("validation", title, result, result.noise, result.types)
     return free_run, residual_chart(result, result.types)
 
 
 def document(result: EstimateValidation) -> dict[str, Any]:
-    """Fits and residuals, for JSON."""
+    """Return fits and residuals, for JSON."""
     made = plain(replace(result, runs=()))
     del made["runs"]
     return made

@@ -1,4 +1,4 @@
-"""What is known of a stream, as tables, JSON, and a view that is renewed."""
+"""The state of a stream as tables, JSON, and a live view."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
@@ -25,7 +25,7 @@ COLOURS = {
 
 
 def parts(session: Session) -> Iterator[Part]:
-    """Tables and sentences of what is known."""
+    """Return tables and sentences on the state of a stream."""
     judgement = session.health
     yield Text.assemble(
         (judgement.health.words, f"bold {COLOURS[judgement.health]}"), f": {judgement.reason}."
@@ -36,7 +36,7 @@ def parts(session: Session) -> Iterator[Part]:
     conditions = ", ".join(
         f"{name} {found.condition_number:.3g}" for name, found in session.excitation.items()
     )
-    yield f"Excitation: condition number of the rows {conditions}"
+    yield f"Excitation, condition number by row: {conditions}"
     yield session.counts.sentence
     for departure in session.departures:
         yield Text(f"Departure: {departure.sentence}.", style="red")
@@ -48,7 +48,7 @@ def parts(session: Session) -> Iterator[Part]:
 
 
 def _columns(session: Session) -> dict[Column, Callable[[str], Text | str]]:
-    """The estimate that each parameter is held against, and how far it is from that."""
+    """Return columns with the reference value of each parameter, and the change from it."""
     reference, gone = session.options.reference, {d.name for d in session.departures}
     found = session.parameters
 
@@ -57,31 +57,31 @@ def _columns(session: Session) -> dict[Column, Callable[[str], Text | str]]:
             return ""
         (was, half), now = reference[name], found[name].value
         shown = f"{difference(name, was, now):+.3g} {found[name].unit}"
-        if name not in ANGLES and half < abs(was):  # nothing is a share of what may be zero
+        if name not in ANGLES and half < abs(was):  # no per cent of a value that may be zero
             shown = f"{round(100.0 * (now / was - 1.0), 1) + 0.0:+.1f} %"
         return Text(shown, "red" if name in gone else "")
 
     def estimate(name: str) -> str:
         return f"{reference[name][0]:.5g}" if name in reference else ""
 
-    said = zip(numbers("estimate", "change"), (estimate, change), strict=True)
-    return dict(said) if reference else {}
+    columns = zip(numbers("estimate", "change"), (estimate, change), strict=True)
+    return dict(columns) if reference else {}
 
 
 def live_view(session: Session | None, width: int) -> Group:
-    """The view of a terminal that is renewed."""
+    """Return the live view for a terminal."""
     if session is None:
         return laid_out(("waiting for the first samples",), width)
     return laid_out((f"flexid watch, {session.time:.3f} s", *parts(session)), width)
 
 
 def heading(session: Session) -> tuple[str, str]:
-    """What is watched, and until when."""
-    return "A drive that runs", f"{session.time:.3f} s"
+    """Return the title, and the time of the latest sample."""
+    return "Running drive", f"{session.time:.3f} s"
 
 
 def document(session: Session) -> dict[str, Any]:
-    """Health, parameters and what happened to the samples."""
+    """Return health, parameters and counts of samples, for JSON."""
     judgement = session.health
     return {
         "time": session.time,
@@ -101,8 +101,8 @@ def document(session: Session) -> dict[str, Any]:
 
 
 def _values(found: Mapping[str, ValueEstimate]) -> dict[str, Any]:
-    said = ("value", "interval", "unit", "verdict")
-    return {name: {key: getattr(e, key) for key in said} for name, e in found.items()}
+    keys = ("value", "interval", "unit", "verdict")
+    return {name: {key: getattr(e, key) for key in keys} for name, e in found.items()}
 
 
 PRESENTER = Presenter(heading, parts, document)
