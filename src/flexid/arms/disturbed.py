@@ -54,7 +54,7 @@ _TRIED = 2  # starts, the likeliest ones; others rarely reach another minimum
 _SLIPS = 0.1  # share of the samples in which a motor that seems to rest may slip
 _SAME = 0.1  # standard deviations by which values at one minimum may differ
 _FAR = (6.0, 12.0, 24.0)  # standard deviations along the least determined direction
-_FLAT = 0.5  # of the rise that the curvature predicts: below it, the curvature is roughness
+_FLAT = 0.5  # largest rise of the cost over the rise that the curvature predicts
 
 ArmInBand = FitInBand[ElasticArm]
 
@@ -279,9 +279,11 @@ def creeping(
     arm = replace(structure.joint, resting=())
     job = replace(found.job, structure=replace(structure, joint=arm, fixed=kept))
     held = {name: value for name, value in structure.fixed.items() if name not in kept}
-    loose = [_about_to_slip(found, {**held, **start}) for start in (found.fitted.by_name, *starts)]
+    slipping = [
+        _about_to_slip(found, {**held, **start}) for start in (found.fitted.by_name, *starts)
+    ]
     with suppress(ConvergenceError):
-        other = _likeliest(job, loose)
+        other = _likeliest(job, slipping)
         if other.best.cost < found.best.cost - UNUSUAL_FALL:
             return other
     return found
@@ -313,7 +315,7 @@ def _cost(fitted: FittedArm) -> float:
 def _add_fit(job: Job, start: Mapping[str, float], ends: list[ArmInBand]) -> None:
     """Fit from a start and add the result to `ends`, if it may be as likely as the best of them.
 
-    Noise and disturbance are fitted again only if the values are likelier with those of the best.
+    The sizes of noise and disturbances are fitted again only if the best fit's make it likelier.
     """
     if ends:
         best = ends[0]

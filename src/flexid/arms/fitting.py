@@ -301,7 +301,7 @@ def _final_fits(found: Sequence[FittedArm]) -> Iterator[FittedArm]:
     """Yield converged fits, the longest segments with small residuals first.
 
     Long segments determine slow motion better. With a model error, however, residuals grow with
-    the length and values are biased. Each output is weighted by the residuals it leaves.
+    the length and values are biased. Each output is weighted by the inverse of its residuals.
     """
     for fitted in reversed(found):
         if fitted.duration > _USUAL and not _has_small_residuals(fitted, found):

@@ -274,8 +274,8 @@ def _doubts(
             )
         )
     if found.shares is not None and found.fitted.minimum.last_step > _UNCONVERGED:
-        said = "the fit does not converge: let the joints swing faster, or log for longer"
-        doubts.append(({*parameters}, Caution(said, Rank.MOTION)))
+        reason = "the fit does not converge: let the joints swing faster, or log for longer"
+        doubts.append(({*parameters}, Caution(reason, Rank.MOTION)))
     for joint in found.fitted.structure.joint.resting:
         # So little motion does not separate gravity from the spring.
         carried = {f"link_inertia_{joint}", f"link_mass_{joint}"}
@@ -301,10 +301,10 @@ def _doubts(
 def doubt_of_negative(found: Sequence[ValueEstimate]) -> Caution:
     """Return the warning about negative springs or inertias, by whether they may be positive."""
     names = ", ".join(parameter.name for parameter in found)
-    said = f"{names} came out negative, which no spring, inertia or mass can be"
+    problem = f"{names} came out negative, which no spring, inertia or mass can be"
     if any(parameter.interval[1] < 0.0 for parameter in found):
-        return Caution(f"{said}: check the signs of this joint", Rank.SCALE)
-    return Caution(f"{said}; the interval includes positive values", Rank.MODEL)
+        return Caution(f"{problem}: check the signs of this joint", Rank.SCALE)
+    return Caution(f"{problem}; the interval includes positive values", Rank.MODEL)
 
 
 def _ratio(

@@ -42,7 +42,7 @@ class ArmLog:
     recordings: tuple[Samples, ...]
     input_units: tuple[str, ...]  # of each joint
     relative_to: Mapping[str, str]  # link rows measured as a deflection, and their motor rows
-    resting: tuple[int, ...]  # joints whose motors stand still
+    resting: tuple[int, ...]  # joints whose motors rest
     warnings: tuple[str, ...]  # one sentence each
     provenance: dict[str, Any]  # file, digest, and the columns of each joint
 
@@ -142,8 +142,8 @@ def _check_keys(columns: Path, given: Mapping[str, Any], types: Sequence[JointTy
         if key not in known:
             near = "" if key.startswith((*_RATIOS.values(),)) else nearest_name(key, known)
             reason = (
-                f"this is not a channel of a joint{near}: give a channel, the gear_ratio of a "
-                f"joint that turns, or the lead of one that slides the number of its joint, as in "
+                f"this is not a channel of a joint{near}: use a channel, the gear_ratio of a "
+                f"joint that turns, or the lead of one that slides, with the joint's number, as in "
                 f"motor_position_1"
             )
             raise RecordingError(shown(columns), f"key {key!r}", reason)

@@ -42,7 +42,7 @@ class Filtered:
     columns: FloatArray  # (n_rows_kept, n_balances, n_parameters)
     balance: TorqueBalance
     moving: NDArray[np.bool_]  # (n_rows_kept, n_balances): whether a velocity keeps its sign
-    resting: Sequence[int] = ()  # places of joints whose motors stand still
+    resting: Sequence[int] = ()  # indices of joints whose motors rest
 
     def parts(self, resting: Sequence[int]) -> "Iterator[Filtered]":
         """Yield the data without balances of resting motors, then also without sticking motors."""
@@ -134,7 +134,7 @@ def starts(
 ) -> Iterator[dict[str, float]]:
     """Yield starting values by name, widest band first; parameters in `fixed` keep theirs.
 
-    `resting` are indices of joints whose motors stand still.
+    `resting` are indices of joints whose motors rest.
     """
     fastest = min(1.0 / recording.sample_time for recording in recordings)
     for cutoff in sorted({min(band, 0.1 * fastest) for band in BANDS}, reverse=True):
@@ -153,7 +153,7 @@ def backward_inputs(
 ) -> list[int]:
     """Return indices of joints whose input is clearly inverted.
 
-    `resting` are indices of joints whose motors stand still.
+    `resting` are indices of joints whose motors rest.
     """
     fastest = min(1.0 / recording.sample_time for recording in recordings)
     data = filtered(balance, recordings, min(BANDS[-1], 0.1 * fastest))

@@ -88,7 +88,7 @@ def _assessed(
             partner = max(others, key=lambda other: abs(others[other]))
             correlation = others[partner]
     elif name in fit.names:
-        partner, correlation = _lost_with(name, result.excitation)
+        partner, correlation = _partner_of(name, result.excitation)
     else:  # known, or derived from others
         inflation = 1.0
         alone = 0.0 if half == 0.0 else np.nan
@@ -102,7 +102,7 @@ def _assessed(
     )
 
 
-def _lost_with(name: str, rows: Mapping[str, Excitation]) -> tuple[str, float]:
+def _partner_of(name: str, rows: Mapping[str, Excitation]) -> tuple[str, float]:
     """Return the partner and the correlation of an undetermined coefficient's regressor."""
     for row in rows.values():
         if name in row.correlated:
@@ -123,9 +123,9 @@ class Advice:
 _MARGIN = 1.25  # factor on the length, since the next log has other noise
 _MOST_TIMES = 100.0  # longest advised duration over that of the log
 # For the joint of Huang (2003), Table I, this tone brings the condition number near 1.
-_NO_MODEL = (
-    "The values themselves are lost. As a rule, add a second tone at 2.65 times the frequency of "
-    "the strongest one and a fifth of its amplitude, record 5 s or more, look again"
+_RULE = (
+    "The values are too uncertain for a prediction. As a rule, add a second tone at 2.65 times the "
+    "frequency of the strongest one and a fifth of its amplitude, and record 5 s or more"
 )
 
 
@@ -136,7 +136,7 @@ def advise(result: Identification) -> Advice | None:
         return None
     impossible = any(n in POSITIVE and c.value <= 0.0 for n, c in result.coefficients.items())
     if impossible or not all(isfinite(c.std) for c in lacking):
-        return Advice(caution=_NO_MODEL)
+        return Advice(caution=_RULE)
     if all(verdict(c.value, c.interval)[0] == "determined" for c in lacking):
         return Advice(caution=f"Another input does not help: {lacking[0].reason}")
     # Of link against motor, or of the link alone if the motor's position is prescribed.

@@ -56,8 +56,8 @@ def run_campaign(
     with open_store(Path(out), _manifest(experiment, variation, plan)) as store:
         manifest, missing = store.manifest, store.missing()
         done = manifest.runs - sum(len(manifest.runs_of(part)) for part in missing)
-        tell = progress or (lambda _done, _all: None)
-        tell(done, manifest.runs)
+        report = progress or (lambda _done, _all: None)
+        report(done, manifest.runs)
         if not missing:
             return
         parts = ((part, plan.table(manifest.runs_of(part))) for part in missing)
@@ -68,7 +68,7 @@ def run_campaign(
         for part, rows in finished:
             store.write(part, rows)
             done += len(rows)
-            tell(done, manifest.runs)
+            report(done, manifest.runs)
 
 
 def _manifest(experiment: Experiment, variation: Variation, plan: Plan) -> Manifest:

@@ -144,7 +144,7 @@ def _distribution(experiment: "Experiment", path: str, value: Any) -> Distributi
         return ExperimentError(experiment.path, place, reason)
 
     if path not in experiment.values:
-        raise refuse("", f"varies nothing{did_you_mean(path, experiment.values)}")
+        raise refuse("", f"is not in the experiment{did_you_mean(path, experiment.values)}")
     if not isinstance(value, dict | list):
         raise refuse("", "must be a list of values or a distribution, e.g. { uniform = [1, 2] }")
     content = {"values": value} if isinstance(value, list) else value

@@ -94,7 +94,7 @@ class SteadyRun:
     monitor: LyapunovMonitor  # Theorem 1 along it; limits over the last 5 s
     excitation: dict[str, Excitation]  # (A4) of each row over the last 10 s
     peak_torque: float  # largest |u| in N m, with a resolved initial transient
-    peak_motor_velocity: float  # largest |x4| in rad/s, likewise
+    peak_motor_velocity: float  # largest |x4| in rad/s, also with the initial transient
 
     @property
     def parameter_errors(self) -> dict[str, float]:
@@ -170,7 +170,7 @@ def closed_loop_poles(exponents: Exponents, k: float = ATTENUATION) -> NDArray[n
     rates, slope = np.empty(kernel.SIZE), np.empty(kernel.SIZE)
     jacobian = np.zeros((kernel.SIZE, kernel.SIZE))
     kernel.rates_and_jacobian(0.0, z, loop.parameters, rates, jacobian, slope)
-    # The parameter errors do not affect the motion, so the poles are those of its block.
+    # The parameter errors do not affect the motion, so its block alone gives the poles.
     states = kernel.N_STATES
     poles = np.linalg.eigvals(jacobian[:states, :states])
     return np.array(sorted(map(complex, poles), key=lambda pole: (-pole.real, -pole.imag)))
