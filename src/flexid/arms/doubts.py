@@ -62,7 +62,7 @@ def white_noise(found: DisturbedFit) -> FloatArray:
 
 
 def input_noise(found: DisturbedFit) -> FloatArray:
-    """Return the largest plausible noise of each logged input, shape (n_joints,)."""
+    """Return the noise of each logged input, at most `white_noise`, shape (n_joints,)."""
     logged = [[position_noise(c) for c in r.inputs.T] for r in found.job.data.samples]
     return np.minimum(np.max(logged, axis=0), white_noise(found))
 
@@ -80,12 +80,12 @@ def timely(found: DisturbedFit) -> tuple[Samples, ...]:
 
 
 def calibration(found: DisturbedFit) -> FloatArray:
-    """Return errors by the scales of the sensors."""
+    """Return errors due to the scales of the sensors."""
     return CALIBRATION * np.diag(found.fitted.values)
 
 
 def noise_of_the_inputs(found: DisturbedFit) -> FloatArray:
-    """Return the bias by noise of the logged torque, found by adding as much noise once more.
+    """Return the bias due to noise of the logged torque, found by adding as much noise again.
 
     The mean over noise of both signs is the bias alone (simulation and extrapolation: Cook and
     Stefanski, J. American Statistical Association 89, 1994).
@@ -106,7 +106,7 @@ def noise_of_the_inputs(found: DisturbedFit) -> FloatArray:
 
 
 def errors_of_the_rig(found: DisturbedFit) -> FloatArray:
-    """Return likely errors by encoders, scales, lengths and directions, given the log."""
+    """Return errors due to encoders, scales, lengths and directions that the log allows."""
     return likely_changes(found.fitted, [*rig_errors(found.fitted, found.job.deflections)])
 
 
@@ -158,7 +158,7 @@ def _directions(moved: Sequence[FloatArray], found: DisturbedFit) -> FloatArray:
 
 
 def looks_like_a_term(found: DisturbedFit) -> FloatArray:
-    """Return errors by disturbances that resemble a term of their balance.
+    """Return errors due to disturbances that resemble a term of their balance.
 
     The part of a disturbance that may be noise of the input is excluded.
     """
@@ -179,7 +179,7 @@ def looks_like_a_term(found: DisturbedFit) -> FloatArray:
 
 
 def looks_like_the_acceleration(found: DisturbedFit) -> FloatArray:
-    """Return errors of inertias by disturbances that resemble the acceleration."""
+    """Return errors of inertias due to disturbances that resemble the acceleration."""
     sides = ((*row.split("_"), share) for row, share in found.shares().items())
     kinds = ("inertia", "mass")
     shares = {f"{side}_{kind}_{joint}": share for side, joint, share in sides for kind in kinds}
@@ -188,7 +188,7 @@ def looks_like_the_acceleration(found: DisturbedFit) -> FloatArray:
 
 
 def play(found: DisturbedFit) -> FloatArray:
-    """Return errors of springs that in fact have play: it looks like hardening, and softer."""
+    """Return errors of springs due to play, which resembles a softer or hardening spring."""
     changes = changes_by_play(found.job.balance, found.values, timely(found))
     names = found.fitted.names
     return np.array([[change.get(name, 0.0) for change in changes] for name in names])
@@ -270,8 +270,8 @@ def changes_by_play(
 def _relative_changes(plain: _Spring, tried: list[_Spring], *, curved: bool) -> tuple[float, float]:
     """Return the largest relative changes of stiffness and hardening with play that is likely.
 
-    For a hardening spring, play is likely if its residuals are at all smaller. For a linear spring
-    they must be much smaller, because play would have been fitted as hardening.
+    For a hardening spring, the residuals with play must be smaller by more than chance. For a
+    linear spring they must be 10 % smaller, because play would have been fitted as hardening.
     """
     least = min(spring.left for spring in tried)
     wanted = 1.0 - _CHANCE if curved else LIKELIER
@@ -314,10 +314,10 @@ def rig_errors(fitted: FittedArm, deflections: Sequence[int]) -> Iterator[Segmen
                 error = ECCENTRICITY / np.sqrt(2.0) * wave(outputs[:, link])
                 yield otherwise_shown(fitted, link, error)
     known = fitted.structure.joint.balance.constants
-    unfelt = f"l{len(types)}"  # the last length has no effect
+    last = f"l{len(types)}"  # this length has no effect
     for place, (name, value) in enumerate(known.items()):
         error = {"l": LENGTH * value, "d": DIRECTION}.get(name[0], 0.0)
-        if error and name != unfelt:
+        if error and name != last:
             constants = fitted.problem.constants.copy()
             constants[place] += SHARE * error
             yield replace(fitted.problem, constants=constants)

@@ -155,7 +155,7 @@ def _chosen_fit(
 
 
 def fixed_parameters(arm: PlanarArm, units: ArmUnits) -> dict[str, float]:
-    """Return parameters with fixed values: of unusual terms, and torque constants that units give.
+    """Return fixed parameters: zeros for unusual terms, and torque constants given by units.
 
     If no torque is calibrated, the torque constant of the first joint that moves is 1.
     """
@@ -238,7 +238,7 @@ def _judged(name: str, unit: str, found: _ChosenFit, shares: Mapping[str, float]
 
 
 def _confusion(name: str, fitted: FittedArm) -> str:
-    """Return a sentence on the strongest correlation with another parameter, or empty text."""
+    """Return a sentence on the strongest correlation with another parameter, if it is strong."""
     place = fitted.names.index(name)
     inverse, spread = fitted.minimum.reduced.inverse, fitted.unit_deviations
     if spread[place] == 0.0:
@@ -258,7 +258,7 @@ def _confusion(name: str, fitted: FittedArm) -> str:
 def _doubts(
     found: _ChosenFit, parameters: Mapping[str, ValueEstimate], excess: Mapping[str, float]
 ) -> list[tuple[set[str], Caution]]:
-    """Return sets of parameters to be declared undetermined, with the reason."""
+    """Return sets of parameters to declare undetermined, each with its reason."""
     doubts: list[tuple[set[str], Caution]] = []
     worst = max(excess, key=lambda name: excess[name])
     if found.shares is None and found.reason:
@@ -310,7 +310,7 @@ def doubt_of_negative(found: Sequence[ValueEstimate]) -> Caution:
 def _ratio(
     arm: PlanarArm, joint: int, values: Mapping[str, float], estimate: Estimate
 ) -> ValueEstimate:
-    """Return stiffness over the inertia that a joint moves when the arm is straight, slides at 0.
+    """Return stiffness over the inertia that a joint moves, with a straight arm and slides at 0.
 
     It is the square of the antiresonance with all motors locked, and independent of input scale.
     """

@@ -29,7 +29,7 @@ _PER_PERIOD = 6.0  # rows kept per period of the cut-off frequency
 _EIGHTH = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
 _LEAST = 1e-3  # smallest start of a positive parameter, over its typical size
 _SLOW = 3.0  # standard deviations of a velocity's noise, up to which its sign is unknown
-_REGULARISATION = 1e-6  # regularisation of least squares towards zero, over the norm of a column
+_REGULARISATION = 1e-6  # weight of the regularisation towards zero, over a column's norm
 _SOFTEST, _REWEIGHTED = 30.0, 3  # assumed stiffness over the largest known one; iterations
 _BACKWARDS = 30.0  # standard deviations of white noise; a joint that hardly moves reaches 20
 _FEWEST_EACH = 5  # rows with a moving motor per parameter of its balance
@@ -132,7 +132,7 @@ def starts(
     fixed: dict[str, float],
     resting: Sequence[int] = (),
 ) -> Iterator[dict[str, float]]:
-    """Yield starting values by name, widest band first; parameters in `fixed` keep theirs.
+    """Yield starting values of the parameters outside `fixed` by name, the widest band first.
 
     `resting` are indices of joints whose motors rest.
     """
@@ -151,7 +151,7 @@ def backward_inputs(
     fixed: dict[str, float],
     resting: Sequence[int] = (),
 ) -> list[int]:
-    """Return indices of joints whose input is clearly inverted.
+    """Return indices of joints whose positive input clearly deflects the spring backwards.
 
     `resting` are indices of joints whose motors rest.
     """
@@ -212,7 +212,7 @@ def _by_deflection(data: Filtered, fixed: dict[str, float]) -> FloatArray:
         found = _least_squares_of_rows(columns, right, stiffness, bounds)
     values[sought] = found[: len(sought)]
     for joint, scale in zip(open_, found[len(sought) :], strict=True):
-        values[scales[joint]] *= scale  # relative to an input that is not calibrated
+        values[scales[joint]] *= scale  # of an uncalibrated input, or of a resting joint
     return values
 
 
@@ -261,7 +261,7 @@ def _least_squares(left: FloatArray, right: FloatArray, positive: NDArray[np.boo
 
 
 def _bounded(data: Filtered, values: FloatArray, fixed: dict[str, float]) -> dict[str, float]:
-    """Return the free values by name; where `sign` is 1, at least a small positive value."""
+    """Return the free values by name; terms with sign 1 get at least a small positive value."""
     size = np.sqrt(np.mean(np.sum(data.columns**2, axis=1), axis=0))
     torque = float(np.sqrt(np.mean((data.columns[:, :, data.inputs]) ** 2)))
     found = {}

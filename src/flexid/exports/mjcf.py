@@ -149,7 +149,7 @@ def scene(
         bodies=bodies,
         joints=joints,
         gravity=gravity,
-        # MuJoCo interpolates linearly between inputs that are held over a step: half a step late.
+        # MuJoCo interpolates delayed inputs linearly; holding them would be half a step later.
         delay=delay + 0.5 * step if delay > 0.0 else 0.0,
         step=step,
         text=_text,
