@@ -29,8 +29,8 @@ class ClosedLoop:
     coefficients: Mapping[str, float]  # the true coefficients
     controller: Controller
     reference: Multisine
-    observer_gains: Mapping[str, float]  # the observer's gain c for each row, by the row's name
-    # p̂ at the start; 0 for those left out
+    observer_gains: Mapping[str, float]  # observer gain c by the name of the row
+    # p̂ at the start, by coefficient; 0 for those left out
     initial_estimates: Mapping[str, float] = field(default_factory=dict)
     # x at the start, in the order of system.states; all 0 if left out
     initial_state: Sequence[float] = ()
@@ -74,12 +74,12 @@ class ClosedLoop:
 
     @property
     def true_coefficients(self) -> NDArray[np.float64]:
-        """p, in the system's order."""
+        """True coefficients p in the system's order."""
         return np.array([self.coefficients[name] for name in self.system.coefficients])
 
     @property
     def start_estimates(self) -> NDArray[np.float64]:
-        """p̂ at the start, in the system's order."""
+        """Initial estimates p̂ in the system's order."""
         return np.array([self.initial_estimates.get(p, 0.0) for p in self.system.coefficients])
 
     @property
