@@ -1,4 +1,4 @@
-"""A model's functions in C99: for an estimator on a drive, in one number type, and as a plant."""
+"""C99 source of a model: its signals for an estimator on a drive, and its rates as a plant."""
 
 import re
 from collections.abc import Collection, Mapping, Sequence
@@ -12,21 +12,21 @@ from flexid.derivation.symbolic import FreshNames, SymbolicSystem, symbolic_syst
 from flexid.models.parametric_system import ParametricSystem
 
 MACROS = ("SIN", "COS", "TAN", "TANH", "EXP", "SQRT", "FABS", "POW")
-"""Functions that the printed source may call; who includes it defines them for its number type."""
+"""Macros that the printed source may call, to be defined for the number type in use."""
 
 
 @dataclass(frozen=True)
 class CFunctions:
-    """A model in C99."""
+    """Source of a model in C99."""
 
     source: str
-    calls: frozenset[str]  # of MACROS, and sign_of
+    calls: frozenset[str]  # names out of MACROS, and sign_of, that the source calls
     names: dict[str, str]  # identifiers in C of states, inputs and coefficients
-    held: tuple[bool, ...] = ()  # by signal (regressors, then known parts): an input occurs in it
+    held: tuple[bool, ...] = ()  # of each signal (regressors, then known parts): uses an input
 
 
 def drive_functions(system: ParametricSystem) -> CFunctions:
-    """Print what an estimator needs from a model, whose samples hold positions alone."""
+    """Print the signals of a model for an estimator from positions."""
     symbolic = symbolic_system(system)
     printer = _Printer(symbolic)
     labels = [*system.coefficients, *(f"known part of {row.name}" for row in system.rows)]
@@ -62,7 +62,7 @@ def drive_functions(system: ParametricSystem) -> CFunctions:
 
 
 def plant_functions(system: ParametricSystem) -> CFunctions:
-    """Print ``rates`` for simulators; its constants are the coefficients, then the constants."""
+    """Print ``rates`` for simulators; its argument `constant` has coefficients, then constants."""
     symbolic = symbolic_system(system)
     printer = _Printer(symbolic)
     arrays = {
@@ -76,10 +76,10 @@ def plant_functions(system: ParametricSystem) -> CFunctions:
     return CFunctions(source, frozenset(printer.calls), {})
 
 
-# Literals stand in REAL(...) and functions behind macros (SIN), so that one definition makes all of
-# it float or double. The operations and their order are those of the compiled Python.
+# Literals are REAL(...) and functions are macros such as SIN, so that one definition selects float
+# or double. Operations and their order are the same as in the compiled Python.
 class _Printer(ScalarPrinter):
-    """The arithmetic of the compiled Python, in C and in one number type."""
+    """Printer of C with the arithmetic of the compiled Python, in one number type."""
 
     def __init__(self, symbolic: SymbolicSystem) -> None:
         super().__init__({"fully_qualified_modules": False})
@@ -89,7 +89,7 @@ class _Printer(ScalarPrinter):
         self.calls: set[str] = set()
 
     def name(self, name: str) -> str:
-        """Identifier in C."""
+        """Return the identifier in C of a declared name."""
         return self._renamed.get(name, name)
 
     def function(
@@ -100,7 +100,7 @@ class _Printer(ScalarPrinter):
         lines: Sequence[tuple[str, sp.Expr, str]],  # target, value and comment
         constants: Mapping[str, float] | None = None,
     ) -> str:
-        """A function that reads symbols from arrays and fills another one."""
+        """Return the source of a function that reads symbols from arrays and fills `result`."""
         fresh = FreshNames([self.name(own) for own in self._own])
         names = (fresh.take(f"e{number}") for number in range(10**6))
         expressions = [expression for _, expression, _ in lines]
@@ -122,7 +122,7 @@ class _Printer(ScalarPrinter):
         return f"static void {name}({', '.join(arguments)})\n{{\n    {text}\n}}\n"
 
     def call(self, function: str, *arguments: sp.Basic) -> str:
-        """A call of a macro, which is noted."""
+        """Return a call of a macro, and record it in `calls`."""
         self.calls.add(function)
         return f"{function}({', '.join(self._print(a) for a in arguments)})"
 
@@ -162,7 +162,7 @@ volatile while _Bool _Complex _Imaginary asm
 asinh atan cos cosh erf exp fabs log pow sin sqrt tan tanh INFINITY NAN main
 state input input_rate observer_state gain constant estimate rate NODES WEIGHTS
 """
-RESERVED = frozenset(_RESERVED_WORDS.split())  # names that mean something in printed C
+RESERVED = frozenset(_RESERVED_WORDS.split())  # names with a meaning in printed C
 
 _TAKEN = re.compile(r"[A-Z][A-Z0-9_]+|flexid_\w+|\w+_t")
 """Macros of the estimator and of the C library, and types."""
@@ -171,7 +171,7 @@ _OWN_NAMES = {"states", "inputs", "signal", "velocities", "sign_of", "bool", "tr
 
 
 def _renamed(names: Sequence[str]) -> dict[str, str]:
-    """Other names for what is no identifier in C, or means something in the source."""
+    """New names for declared ones that are no identifiers in C or are used in the source."""
     fresh = FreshNames([*names, *RESERVED, *_OWN_NAMES, *MACROS])
     renamed = names_in_c(names, fresh, RESERVED | _OWN_NAMES)
     return renamed | {
@@ -182,7 +182,7 @@ def _renamed(names: Sequence[str]) -> dict[str, str]:
 
 
 def names_in_c(names: Sequence[str], fresh: FreshNames, taken: Collection[str]) -> dict[str, str]:
-    """Other names for what is no identifier in C, or means something there."""
+    """Return new names for declared ones that are no identifiers in C or are taken."""
     return {
         name: str(fresh.take(name if name.isascii() else "symbol"))
         for name in names
@@ -191,11 +191,11 @@ def names_in_c(names: Sequence[str], fresh: FreshNames, taken: Collection[str]) 
 
 
 def literal(value: float) -> str:
-    """A number of C that is float or double."""
+    """Return a literal in C that is float or double."""
     value = float(value)
     return f"REAL({value!r})" if value >= 0.0 else f"(-REAL({-value!r}))"
 
 
 def comment(text: str) -> str:
-    """A text that may stand in a comment of C, on one line."""
+    """Return a text on one line that is safe in a comment of C."""
     return " ".join(text.replace("*/", "* /").replace("/*", "/ *").split())

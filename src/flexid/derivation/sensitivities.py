@@ -13,20 +13,20 @@ from flexid.models.parametric_system import ParametricSystem
 
 # With x' = f(x, u, p), the derivatives by the state s at the start of a segment and by p obey
 #     (∂x/∂s)' = (∂f/∂x) ∂x/∂s,    (∂x/∂p)' = (∂f/∂x) ∂x/∂p + ∂f/∂p.
-# They are columns of one matrix: x, ∂x/∂s, ∂x/∂p of what is sought, and perhaps the derivative by
-# the delay of the inputs, whose source is (∂f/∂u) du. A Runge-Kutta step takes the state first; the
-# columns then follow side by side along the same four stages.
+# They are columns of one matrix: x, ∂x/∂s, ∂x/∂p of the unknowns, and optionally the derivative by
+# the delay of the inputs, with the source (∂f/∂u) du. A Runge-Kutta step first advances the state.
+# The columns then follow along the same four stages, several per instruction.
 #
-# The sign of a row's own velocity is its *mode*, which the kernel sets. Where the magnitude of what
-# depends on positions stands in the equations they have a *corner*: the kernel ends a step.
-KNOWN = -1  # stands in ``DRY`` for a known part with dry friction, which has no coefficient
+# The sign of a row's own velocity is its *mode*, which the kernel sets. A magnitude |g| in the
+# equations, g of positions, causes a *corner* at g = 0: the kernel ends a step there.
+KNOWN = -1  # marks in ``DRY`` a known part with dry friction, which has no coefficient
 
-_TOGETHER = 8  # columns that one instruction may take
-_CHEAP = (sp.sin, sp.cos, sp.Abs, sp.sign)  # functions that are no calls
+_TOGETHER = 8  # largest number of columns per instruction
+_CHEAP = (sp.sin, sp.cos, sp.Abs, sp.sign)  # functions compiled without a call
 
 
 def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
-    """Header, ``WIDTH``, ``DRY`` and the functions of the state and of its derivatives."""
+    """Return the header, ``WIDTH``, ``DRY`` and the functions of the state and its derivatives."""
     symbolic = _with_modes(symbolic_system(system))
     parts = (
         _sizes(symbolic),
@@ -42,12 +42,12 @@ def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
 
 
 def mode_of(place: int) -> sp.Symbol:
-    """The mode of a row: the sign of its velocity, or 0 where it sticks."""
+    """Return the symbol of a row's mode: the sign of its velocity, or 0 if the row sticks."""
     return sp.Symbol(f"_m{place}", real=True)
 
 
 def _with_modes(symbolic: SymbolicSystem) -> SymbolicSystem:
-    """The same with the mode of each row in the place of its velocity's sign."""
+    """Replace the sign of each row's velocity by the row's mode."""
     modes = [(sp.sign(row.velocity), mode_of(j)) for j, row in enumerate(symbolic.rows)]
     rows = tuple(
         replace(
@@ -75,7 +75,7 @@ def _sizes(symbolic: SymbolicSystem) -> str:
 
 
 def width_of(states: int, coefficients: int, rows: int) -> int:
-    """Columns of derivatives: of the value, states, coefficients, delays of inputs and of rows."""
+    """Return the number of columns: value, states, coefficients, delays of inputs and of rows."""
     columns = 1 + states + coefficients + 1 + rows
     return _TOGETHER * -(-columns // _TOGETHER)
 
@@ -130,7 +130,7 @@ def _corners(symbolic: SymbolicSystem) -> str:
 def _where_needed(
     symbolic: SymbolicSystem, expressions: Sequence[sp.Expr], needed: str
 ) -> tuple[str, list[sp.Expr]]:
-    """Lines that compute each costly function under a condition, and expressions with its name."""
+    """Lines that compute costly functions only if needed, and expressions with their names."""
     found = {f for e in expressions for f in e.atoms(sp.Function) if not isinstance(f, _CHEAP)}
     names = {
         f: sp.Symbol(f"_f{i}", real=True)
@@ -147,7 +147,7 @@ def _where_needed(
 
 
 def _users(symbolic: SymbolicSystem, call: sp.Basic) -> list[int] | None:
-    """Places of the coefficients whose terms a call stands in; None if it stands elsewhere too."""
+    """Indices of the coefficients whose terms contain a call; None if other terms contain it."""
     users = set()
     for rate, jacobian in _equations(symbolic):
         for expression in (rate, *jacobian.values()):
@@ -166,7 +166,7 @@ def _users(symbolic: SymbolicSystem, call: sp.Basic) -> list[int] | None:
 
 
 def _path(symbolic: SymbolicSystem, memory: SymbolicMemory) -> dict[int, float]:
-    """How far a memory's path goes with each position, by the place of that among the states."""
+    """Derivative of a memory's path by each position, by index of the position's state."""
     return {
         2 * j: float(cast(sp.Expr, sp.diff(memory.path, row.coordinate)))
         for j, row in enumerate(symbolic.rows)
@@ -174,10 +174,10 @@ def _path(symbolic: SymbolicSystem, memory: SymbolicMemory) -> dict[int, float]:
     }
 
 
-# While the path q does not turn, a memory h = d + (h0 - d) exp(-s |q - q0|), d the direction,
-# whatever the velocity: no reach however short makes the equations stiff.
+# While the path q keeps its direction d, a memory is h = d + (h0 - d) exp(-s |q - q0|) at any
+# velocity. With this closed form a large grip s does not make the equations stiff.
 def _along_path(symbolic: SymbolicSystem, m: int) -> str:
-    """Lines that find where the path of a memory leads, and what is left of where it began."""
+    """Lines that compute a memory's path, direction and decay, and the remainder of its start."""
     place, grip = _places_of(symbolic, m)
     slopes = _path(symbolic, symbolic.memories[m]).items()
     return (
@@ -189,7 +189,7 @@ def _along_path(symbolic: SymbolicSystem, m: int) -> str:
 
 
 def _places_of(symbolic: SymbolicSystem, m: int) -> tuple[int, int]:
-    """Places of a memory among the states, and of its grip among the coefficients."""
+    """Index of a memory among the states, and of its grip among the coefficients."""
     grips = len(symbolic.coefficients) - len(symbolic.memories)
     return 2 * len(symbolic.rows) + m, grips + m
 
@@ -227,7 +227,7 @@ def _memory_slopes(symbolic: SymbolicSystem) -> str:
 
 
 def _equations(symbolic: SymbolicSystem) -> list[tuple[sp.Expr, dict[int, sp.Expr]]]:
-    """Rates of velocities and memories, each with its derivatives by the states, by place."""
+    """Rates of velocities and memories, each with its derivatives by index of the state."""
     rates = [row.acceleration for row in symbolic.rows]
     rates += [memory.rate for memory in symbolic.memories]
     return [
@@ -282,7 +282,7 @@ def _vary(symbolic: SymbolicSystem) -> str:
 
 
 def variation(patterns: Sequence[Sequence[int]], paths: Sequence[Sequence[int]] = ()) -> str:
-    """Source of ``vary``: four stages of one column, so that a loop has nothing inside."""
+    """Return the source of ``vary``: the four stages of a column, unrolled in one loop."""
     rows, memories = len(patterns), len(paths)
     size = 2 * rows + memories
     ahead: list[str] = []

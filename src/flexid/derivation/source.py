@@ -7,7 +7,7 @@ from sympy.printing.pycode import PythonCodePrinter
 
 
 class ScalarPrinter(PythonCodePrinter):
-    """Plain `math` calls and products: what numba turns into straight machine code."""
+    """Printer of plain `math` calls and products, which numba compiles to fast code."""
 
     def _print_Integer(self, expr: sp.Integer) -> str:
         return repr(float(expr))
@@ -42,7 +42,7 @@ class ScalarPrinter(PythonCodePrinter):
 
 
 class ArrayPrinter(ScalarPrinter):
-    """The same for arrays, whose numbers cannot be told apart by ``if``."""
+    """`ScalarPrinter` for arrays, whose elements ``if`` cannot distinguish."""
 
     def _print_sign(self, e: sp.Function) -> str:
         return f"sign({self._print(e.args[0])})"
@@ -52,14 +52,14 @@ _printer = ScalarPrinter({"fully_qualified_modules": False})
 _array_printer = ArrayPrinter({"fully_qualified_modules": False})
 
 IMPORTS = "from math import copysign, cos, exp, sin, sqrt, tan, tanh"
-"""The import line of every generated module of scalars."""
+"""Import line of the generated modules of scalars."""
 
 ARRAY_IMPORTS = "from numpy import cos, exp, sign, sin, sqrt, tan, tanh"
-"""The same for a module of arrays."""
+"""Import line of the generated modules of arrays."""
 
 
 def print_scalar(expression: sp.Basic) -> str:
-    """One expression as Python source."""
+    """Return an expression as Python source."""
     return str(_printer.doprint(expression))
 
 
@@ -69,7 +69,7 @@ def assignments(
     indent: str = "    ",
     of_arrays: bool = False,
 ) -> str:
-    """Lines that assign expressions to targets, with common subexpressions computed once."""
+    """Return lines that assign expressions to targets; common subexpressions are computed once."""
     show = _array_printer.doprint if of_arrays else _printer.doprint
     # A leading underscore marks the generator's own names; declarations cannot have one.
     names = sp.numbered_symbols("_e", real=True)
@@ -83,7 +83,7 @@ def assignments(
 
 
 def unpack(array: str, symbols: Sequence[sp.Symbol]) -> str:
-    """Lines that read symbols from consecutive places of an array."""
+    """Return lines that read symbols from consecutive entries of an array."""
     return "\n".join(f"    {name} = {array}[{place}]" for place, name in enumerate(symbols))
 
 
@@ -92,11 +92,11 @@ CALLED_IMPORTS = f"""{IMPORTS}
 from numba import cfunc, types
 
 _numbers = types.CPointer(types.float64)"""
-"""The import lines of a module with functions that other kernels call by their addresses."""
+"""Import lines of a module with functions that kernels call by address."""
 
 
 def called(arrays: int) -> str:
-    """Decorator of such a function, whose arguments are arrays."""
+    """Return the decorator of a function of arrays that kernels call by address."""
     return f"""cfunc(
     types.void({", ".join(["_numbers"] * arrays)}),
     cache=True, error_model="numpy", _nrt=False,
@@ -109,7 +109,7 @@ def function(
     *body: str,
     decorator: str = 'njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)',
 ) -> str:
-    """A function from its signature, its docstring and blocks of indented lines."""
+    """Return a function's source from its signature, docstring and blocks of indented lines."""
     blocks = "\n".join(block for block in body if block)
     head = f"@{decorator}\n" * bool(decorator)
     return f'{head}def {signature}:\n    """{docstring}"""\n{blocks}\n'

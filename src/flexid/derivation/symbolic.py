@@ -1,4 +1,4 @@
-"""Declarations as SymPy objects: the one door from text expressions to symbols."""
+"""Conversion of declarations and text expressions to SymPy objects."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ from flexid.models.parametric_system import ParametricSystem
 
 
 def symbol(name: str) -> sp.Symbol:
-    """Real symbol of a declared name; equal names give equal symbols everywhere."""
+    """Return the real symbol of a declared name; equal names give equal symbols."""
     return sp.Symbol(name, real=True)
 
 
 _SYMPY = Algebra[sp.Expr](
-    sp.Rational,  # exact, so that terms that should cancel do
+    sp.Rational,  # exact, so that equal terms cancel
     lambda name: sp.pi if name == "pi" else symbol(name),
     OPERATIONS
     | {name: getattr(sp, name) for name in ("sin", "cos", "tan", "tanh", "exp", "sqrt", "sign")}
@@ -26,7 +26,7 @@ _SYMPY = Algebra[sp.Expr](
 
 
 def to_sympy(expression: str, names: Collection[str], place: str = "expression") -> sp.Expr:
-    """Read a text expression into SymPy without evaluating any text; place is for messages."""
+    """Convert a text expression to SymPy without evaluating it; `place` is for messages."""
     folded = fold(expression, names, _SYMPY, place)
     roots = folded.atoms(sp.Pow)
     if folded.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I) or any(r.is_real is False for r in roots):
@@ -38,7 +38,7 @@ def to_sympy(expression: str, names: Collection[str], place: str = "expression")
 
 @dataclass(frozen=True)
 class SymbolicRow:
-    """A row ``v' = rᵀ p + k`` in symbols."""
+    """Row ``v' = rᵀ p + k`` in symbols."""
 
     name: str
     coordinate: sp.Symbol
@@ -49,14 +49,14 @@ class SymbolicRow:
 
     @property
     def acceleration(self) -> sp.Expr:
-        """The right-hand side rᵀ p + k."""
+        """Right-hand side rᵀ p + k."""
         products = (p * r for p, r in zip(self.coefficients, self.regressor, strict=True))
         return sp.Add(*products) + self.known
 
 
 @dataclass(frozen=True)
 class SymbolicMemory:
-    """A memory in symbols: its state, the rate of its path, and its grip."""
+    """Memory in symbols: its state, path, rate of the path, and grip."""
 
     state: sp.Symbol
     path: sp.Expr
@@ -65,13 +65,13 @@ class SymbolicMemory:
 
     @property
     def rate(self) -> sp.Expr:
-        """The right-hand side s (w - |w| h)."""
+        """Right-hand side s (w - |w| h)."""
         return self.grip * (self.path_rate - sp.Abs(self.path_rate) * self.state)
 
 
 @dataclass(frozen=True)
 class SymbolicSystem:
-    """A `ParametricSystem` in symbols."""
+    """`ParametricSystem` in symbols."""
 
     system: ParametricSystem
     rows: tuple[SymbolicRow, ...]
@@ -99,18 +99,18 @@ class SymbolicSystem:
 
     @property
     def linear(self) -> tuple[sp.Symbol, ...]:
-        """Symbols of those that multiply a regressor: the first of `coefficients`."""
+        """Symbols of the coefficients that multiply a regressor, first among `coefficients`."""
         return tuple(p for row in self.rows for p in row.coefficients)
 
     @property
     def right_hand_side(self) -> tuple[sp.Expr, ...]:
-        """x' for the states in order."""
+        """Rates x' of the states, in order."""
         of_rows = (e for row in self.rows for e in (row.velocity, row.acceleration))
         return (*of_rows, *(memory.rate for memory in self.memories))
 
 
 def symbolic_system(system: ParametricSystem) -> SymbolicSystem:
-    """Turn a declaration into symbols."""
+    """Convert a declaration to symbols."""
     names = system.variables
     rows = tuple(
         SymbolicRow(
@@ -136,19 +136,19 @@ def symbolic_system(system: ParametricSystem) -> SymbolicSystem:
 
 
 def derivative(expression: sp.Expr, state: sp.Symbol) -> sp.Expr:
-    """∂/∂state; the jump of a sign has derivative zero on either side, and no other is wanted."""
+    """Differentiate by a state; the derivative of a sign is zero, also at its jump."""
     derivative = sp.diff(expression, state).replace(sp.DiracDelta, lambda *_: sp.S.Zero)
     return cast(sp.Expr, derivative)
 
 
 class FreshNames:
-    """Hands out names, each once, with underscores appended until they are free."""
+    """Source of unused names: underscores are appended to a name that is taken."""
 
     def __init__(self, taken: Collection[str]) -> None:
         self._taken = set(taken)
 
     def take(self, name: str) -> sp.Symbol:
-        """Real symbol of the wanted name, or of the next free one."""
+        """Return the real symbol of a name, or of the next unused one, and mark it as taken."""
         while name in self._taken:
             name += "_"
         self._taken.add(name)

@@ -1,4 +1,4 @@
-"""Source of the motion of a torque balance with its exact derivatives."""
+"""Source of a torque balance's motion with its exact derivatives."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -14,24 +14,24 @@ from flexid.derivation.symbolic import symbol, to_sympy
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
 
-_INLINED = 2  # joints up to which functions are inlined where they are called
+_INLINED = 2  # largest number of joints for which functions are inlined
 
 
 # With Σ_k π_k φ_k(q, v, a, u) = 0 the mass matrix M = ∂/∂a is linear in π, and at its solution a
 #     ∂a/∂π_k = -M⁻¹ φ_k,        ∂a/∂x = -M⁻¹ ∂(Σ_k π_k φ_k)/∂x at fixed a.
-# What sticks leaves M, which is factorised by L D Lᵀ without its zeros: motors first, which are
-# coupled to no other motor. The functions have the arguments of those of `sensitivities`.
+# Rows that stick are removed from M. It is factorised as L D Lᵀ without its zeros, motors first:
+# they are coupled to links alone. The functions have the same arguments as in `sensitivities`.
 @dataclass(frozen=True)
 class SymbolicBalance:
-    """A torque balance in symbols."""
+    """Torque balance in symbols."""
 
     balance: TorqueBalance
-    # φ of each parameter: torque by the place of its row; what is missing is zero
+    # φ of each parameter: torque by index of its row; missing rows have none
     columns: tuple[dict[int, sp.Expr], ...]
 
     @property
     def parameters(self) -> tuple[sp.Symbol, ...]:
-        """π, as the generated code calls them."""
+        """Symbols of the parameters π in the generated code."""
         return tuple(sp.Symbol(f"_p{k}", real=True) for k in range(len(self.columns)))
 
     @cached_property
@@ -44,12 +44,12 @@ class SymbolicBalance:
 
     @property
     def rows(self) -> range:
-        """Numbers of the rows."""
+        """Indices of the rows."""
         return range(len(self.balance.rows))
 
     @property
     def dry(self) -> list[int]:
-        """Rows that can stick: those with a mode."""
+        """Indices of the rows with a mode, which can stick."""
         return [
             row
             for row in self.rows
@@ -58,12 +58,12 @@ class SymbolicBalance:
 
     @cached_property
     def order(self) -> list[int]:
-        """The rows in the order of elimination: motors first."""
+        """Indices of the rows in the order of elimination: motors first."""
         return [*self.rows[1::2], *self.rows[::2]]
 
     @cached_property
     def mass(self) -> dict[tuple[int, int], sp.Expr]:
-        """M by row and column, its lower half in the order of elimination."""
+        """Nonzero entries of M by row and column, the lower half in the order of elimination."""
         found = {
             (i, j): sp.diff(self.sums[i], _acceleration(j))
             for place, i in enumerate(self.order)
@@ -73,7 +73,7 @@ class SymbolicBalance:
 
     @cached_property
     def by_state(self) -> list[dict[int, sp.Expr]]:
-        """Derivatives of the balances by each state, accelerations fixed; without those of zero."""
+        """Nonzero derivatives of the balances by each state at fixed accelerations."""
         found = []
         for state in self.balance.states:
             slopes = {row: sp.diff(total, symbol(state)) for row, total in enumerate(self.sums)}
@@ -81,7 +81,7 @@ class SymbolicBalance:
         return found
 
     def moved(self, column: Collection[int]) -> list[int]:
-        """The rows whose accelerations depend on some balances."""
+        """Return the rows whose accelerations depend on some rows' balances."""
         _, names = self.inverse
         return [i for i in self.rows if any((i, j) in names for j in column)]
 
@@ -109,7 +109,7 @@ class SymbolicBalance:
     def _inverted(
         self, lines: list[str], lower: dict[tuple[int, int], str]
     ) -> dict[tuple[int, int], str]:
-        """Add the lines of M⁻¹ = L⁻ᵀ D⁻¹ L⁻¹: first those of L⁻¹, named ``_R``."""
+        """Add lines for M⁻¹ = L⁻ᵀ D⁻¹ L⁻¹, with L⁻¹ named ``_R``; return the names of M⁻¹."""
         order = self.order
         root: dict[tuple[int, int], str] = {}
         for a, j in enumerate(order):
@@ -140,7 +140,7 @@ class SymbolicBalance:
 
 
 def symbolic_balance(balance: TorqueBalance) -> SymbolicBalance:
-    """Read a declaration: Lagrange's equations of its body terms, and its joint terms in place."""
+    """Convert a declaration: Lagrange's equations of body terms, and joint terms in their rows."""
     columns = tuple(
         _of_joint(term, joint) if isinstance(term, JointTerm) else _of_body(term, balance)
         for _, joint, term in balance.placed()
@@ -173,7 +173,7 @@ def _of_joint(term: JointTerm, joint: int) -> dict[int, sp.Expr]:
 
 
 def _of_body(term: BodyTerm, balance: TorqueBalance) -> dict[int, sp.Expr]:
-    """Lagrange's equations of one energy."""
+    """Torque of a body term in each row, by Lagrange's equations."""
     names = {*balance.states, *balance.constants}
     kinetic = to_sympy(term.kinetic, names, term.name)
     potential = to_sympy(term.potential, names, term.name)
@@ -191,14 +191,14 @@ def _of_body(term: BodyTerm, balance: TorqueBalance) -> dict[int, sp.Expr]:
 
 
 def balance_functions(balance: TorqueBalance) -> str:
-    """Source for templates: `sensitivity_functions`, and ``columns`` f[sample, row, k] = φ_k."""
+    """Return the functions of `sensitivity_functions`, and ``columns``: f[sample, row, k] = φ_k."""
     symbolic = symbolic_balance(balance)
     parts = (
         module_header(cast(ParametricSystem, balance), "Segmented prediction error"),
         _sizes(balance),
         _dry(symbolic),
         _rates(symbolic),
-        _nothing(),
+        _empty_functions(),
         _slopes(symbolic),
         variation(_patterns(symbolic)),
         _columns(symbolic),
@@ -219,8 +219,8 @@ def _dry(symbolic: SymbolicBalance) -> str:
     return f"DRY = {places!r}\n"
 
 
-def _nothing() -> str:
-    """Functions of memories and corners, which a torque balance does not have."""
+def _empty_functions() -> str:
+    """Empty functions for memories and corners, which a torque balance does not have."""
     heads = ("corners(_x, _p, _c, _k)", "remember(_x, _start, _p)")
     heads += ("memory_slopes(_x, _start, _p, _at, _b, _q)",)
     return "\n\n".join(function(h, "Nothing.", "    pass", decorator="inlined") for h in heads)
@@ -237,7 +237,7 @@ def _variables(balance: TorqueBalance) -> tuple[str, ...]:
 
 
 def _solved(symbolic: SymbolicBalance) -> tuple[str, ...]:
-    """Lines that compute M, M⁻¹ and the accelerations ``_a{row}``; what sticks has none."""
+    """Lines that compute M, M⁻¹ and accelerations ``_a{row}``, which are 0 in rows that stick."""
     dry, rows, mass = symbolic.dry, symbolic.rows, symbolic.mass
     still = [(_acceleration(i), 0) for i in rows]
     rest = [cast(sp.Expr, total.subs(still)) for total in symbolic.sums]
@@ -280,12 +280,12 @@ def _rates(symbolic: SymbolicBalance) -> str:
 
 
 def _decorator(balance: TorqueBalance) -> str:
-    """How the large functions are compiled: of many joints inlining would take minutes."""
+    """Decorator of the large functions: with many joints, inlining would take minutes."""
     return "inlined" if balance.joints <= _INLINED else "uncounted"
 
 
 def _patterns(symbolic: SymbolicBalance) -> list[list[int]]:
-    """Places of the states that each acceleration depends on."""
+    """Indices of the states on which each acceleration depends."""
     moved = [symbolic.moved(column) for column in symbolic.by_state]
     return [[state for state, rows in enumerate(moved) if row in rows] for row in symbolic.rows]
 
@@ -298,7 +298,7 @@ def _slopes(symbolic: SymbolicBalance) -> str:
     lines: list[str] = []
 
     def solve(column: dict[int, sp.Expr], name: str, place: str) -> None:
-        """Lines that fill -M⁻¹ times a column; `place` has the row for ``{}``."""
+        """Add lines that compute -M⁻¹ times a column; ``{}`` in `place` is the row."""
         for j, value in column.items():
             targets.append(f"_{name}_{j}")
             expressions.append(value)

@@ -73,7 +73,7 @@ def steady_gains(
 def steady_covariance(
     step: FloatArray, noise: FloatArray, sees: FloatArray, sensors: FloatArray
 ) -> FloatArray:
-    """Compute it by doubling (Anderson and Moore, Optimal Filtering, 1979, sec. 6.7)."""
+    """Solve the Riccati equation by doubling (Anderson and Moore, Optimal Filtering, sec. 6.7)."""
     forward = step.T
     information = sees.T @ np.linalg.solve(sensors, sees)
     covariance = noise

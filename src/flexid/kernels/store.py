@@ -1,4 +1,4 @@
-"""Generated modules on disk: built once, found again by a hash of what is in them."""
+"""Cache of generated modules on disk: each is built once and found by a hash of its content."""
 
 import errno
 import hashlib
@@ -23,37 +23,37 @@ from flexid.files import write_atomically
 
 _LOG = logging.getLogger(__name__)
 
-_LOADING = threading.RLock()  # a second thread would find half a module
+_LOADING = threading.RLock()  # otherwise a second thread could find an incomplete module
 
 _LOADED: dict[tuple[str, ...], ModuleType] = {}
 
-CACHE_VARIABLE = "FLEXID_CACHE_DIR"  # environment variable that moves the cache of kernels
+CACHE_VARIABLE = "FLEXID_CACHE_DIR"  # environment variable with the folder of the cache
 
 
-# A kernel is ONE self-contained Python file: numba's disk cache does not notice a change in a
-# function called from another file. Generated parts have a file of their own, so that a change of
-# the generator costs another derivation but compiles again only what comes out differently.
+# A kernel is ONE self-contained Python file, because numba's disk cache does not notice a change of
+# a function in another file. Generated parts are also saved separately: after a change of the
+# generator they are derived again, but only kernels with another source are compiled again.
 def load_kernel(
     task: str,
     declarations: Sequence[str],
     build: Callable[[], str] | None,
     templates: Sequence[str] = (),
 ) -> ModuleType:
-    """Import a kernel; `build` is called for a generated part that is not on disk yet."""
-    asked = (_generator_digest(), task, *declarations, "", *templates)
+    """Import a kernel; `build` makes a generated part that is not on disk yet."""
+    key = (_generator_digest(), task, *declarations, "", *templates)
     with _LOADING:
-        if asked not in _LOADED:
+        if key not in _LOADED:
             directory = cache_directory()
             try:
-                _LOADED[asked] = _load(directory, task, declarations, build, templates)
-            except (OSError, NotImplementedError) as error:  # of a file system without locks
+                _LOADED[key] = _load(directory, task, declarations, build, templates)
+            except (OSError, NotImplementedError) as error:  # the latter without file locks
                 reason = getattr(error, "strerror", None) or error
                 raise SettingError(
                     "cache",
                     f"{directory} cannot be written ({reason}): make room there, or set "
                     f"{CACHE_VARIABLE} to another folder",
                 ) from None
-        return _LOADED[asked]
+        return _LOADED[key]
 
 
 def _load(
@@ -67,8 +67,8 @@ def _load(
     text = "" if build is None else _shipped(task, declarations)
     if text is None and build is not None:
         derived = f"{task}_{_digest(_generator_digest(), *declarations)}.py"
-        text = _provided(directory / "derived" / derived, build)
-    # How functions are compiled has to be known where the first of them stands.
+        text = _read_or_make(directory / "derived" / derived, build)
+    # The template with the decorators must come before the first function.
     needed = sorted(with_needed(templates), key=lambda template: template != "compiled")
     texts = [*map(template, needed)]
     texts.insert(needed[:1] == ["compiled"], text or "")
@@ -77,42 +77,42 @@ def _load(
     if name in sys.modules:
         return sys.modules[name]
     path = directory / f"{name}.py"
-    _provided(path, lambda: source)
-    if not os.access(directory, os.W_OK):  # numba loads nothing from where it could not save
+    _read_or_make(path, lambda: source)
+    if not os.access(directory, os.W_OK):  # numba does not load from a folder that is read-only
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     _discard_damaged(path)
     return _import(name, path, source)
 
 
 def shipped_name(task: str, declarations: Sequence[str]) -> str:
-    """Name of the file in which the package has the generated part of a kernel, if it has it."""
+    """Return the name of a kernel's generated part as a file of the package."""
     return f"{task}_{_digest(*declarations)}.txt"
 
 
 def _shipped(task: str, declarations: Sequence[str]) -> str | None:
-    """The generated part of a kernel of the usual drive: derived before, held by a test."""
+    """Generated part of a kernel, if the package contains it; a test keeps it up to date."""
     folder = resources.files("flexid.kernels").joinpath("derived")
     file = folder.joinpath(shipped_name(task, declarations))
     return file.read_text("utf-8") if file.is_file() else None
 
 
-def _provided(path: Path, make: Callable[[], str]) -> str:
-    """A source on disk: written if it is not there, whole."""
+def _read_or_make(path: Path, make: Callable[[], str]) -> str:
+    """Read a source from disk, after making and writing it if it is missing."""
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         with _lock(path):
-            if not path.exists():  # nobody else has made it in the meantime
+            if not path.exists():  # unless another process has just made it
                 text = make()
                 write_atomically(path, lambda file: file.write_text(text, "utf-8"))
     return path.read_text("utf-8")
 
 
 def _compiled(path: Path, endings: tuple[str, ...] = (".nbi", ".nbc")) -> list[Path]:
-    """Return numba's files of a kernel, but not those that are still being written (``.tmp``)."""
+    """Return numba's files of a kernel, without unfinished ones (``.tmp``)."""
     folder, beginning = path.parent / "__pycache__", f"{path.stem}."
     if not folder.exists():
         return []
-    # A listing of names takes a tenth of the time of a glob, and may hold thousands.
+    # Listing takes a tenth of the time of a glob, and there may be thousands of files.
     names = (name for name in os.listdir(folder) if name.startswith(beginning))
     return [folder / name for name in names if name.endswith(endings)]
 
@@ -127,21 +127,21 @@ def _discard_damaged(path: Path) -> None:
 
 
 def _discard_compiled(path: Path) -> None:
-    """Remove a kernel's bytecode, and all numba's files: a new index gives old names away."""
+    """Remove a kernel's bytecode and all numba's files: a new index would reuse their names."""
     for file in _compiled(path, (".nbi", ".nbc", ".pyc")):
         file.unlink(missing_ok=True)
 
 
 @cache
 def _lock(path: Path) -> Any:
-    """The lock of a kernel's files: one object, so that a thread may take it more than once."""
-    from filelock import FileLock  # late: only who writes waits for the import
+    """Lock of a kernel's files: one object, so that a thread can take it more than once."""
+    from filelock import FileLock  # imported here, because only writing needs it
 
     return FileLock(path.with_suffix(".lock"))
 
 
 class _OneCompiles:
-    """Loads a function's compiled code, or lets one process at a time compile and save it."""
+    """Loader of a function's compiled code; one process at a time compiles and saves it."""
 
     def __init__(self, cache: Any, path: Path) -> None:
         self._path = path
@@ -150,10 +150,10 @@ class _OneCompiles:
         cache.load_overload, cache.save_overload = self.load, self.save
 
     def load(self, *arguments: object) -> Any:
-        """The compiled code; None, after which it is compiled and saved, if there is none."""
+        """Return the compiled code, or None; numba then compiles and saves it."""
         found = self._loaded(*arguments)
         if found is None:
-            # numba reads the index, adds a signature, writes it back: two at once lose one.
+            # numba reads the index, adds a signature, writes it back: two processes would lose one.
             self._compiling.enter_context(_lock(self._path))
             found = self._loaded(*arguments)  # unless another process has just saved it
             if found is not None:
@@ -172,14 +172,14 @@ class _OneCompiles:
             return None
 
     def save(self, *arguments: object) -> None:
-        """Save what was compiled; on a full disk it serves this process all the same."""
+        """Save compiled code; on a full disk only this process uses it."""
         with self._compiling.pop_all(), suppress(OSError):
             self._save(*arguments)
 
 
 @cache
 def _announce() -> None:
-    """Say once in a process that something is compiled."""
+    """Log once per process that functions are compiled."""
     _LOG.info(
         "Compiling the models' functions, once for this machine: some ten seconds. They are kept "
         "in %s.",
@@ -189,18 +189,18 @@ def _announce() -> None:
 
 @cache
 def template(name: str) -> str:
-    """Source text of a template: code that calls generated functions by name."""
+    """Return the source of a template, which calls generated functions by name."""
     folders = (resources.files(package).joinpath("templates") for package in _PACKAGES)
     files = (folder.joinpath(f"{name}.py") for folder in folders)
     return next(file for file in files if file.is_file()).read_text("utf-8")
 
 
-_PACKAGES = ("flexid.kernels", "flexid.paper", "flexid.recording")  # that have templates
+_PACKAGES = ("flexid.kernels", "flexid.paper", "flexid.recording")  # packages with templates
 _NEEDED = re.compile(r"^    from flexid\.\w+\.templates\.(?!generated)(\w+) import", re.M)
 
 
 def with_needed(templates: Sequence[str]) -> tuple[str, ...]:
-    """Templates in order, each once and after those that it imports for a checker of types."""
+    """Return templates in order, each once, after the templates that it imports for type checks."""
     found: dict[str, None] = {}
     for name in templates:
         found |= dict.fromkeys((*with_needed(_NEEDED.findall(template(name))), name))
@@ -208,12 +208,12 @@ def with_needed(templates: Sequence[str]) -> tuple[str, ...]:
 
 
 def cache_directory() -> Path:
-    """Directory of the kernels: ``$FLEXID_CACHE_DIR``, or the user's cache."""
-    return Path(os.environ.get(CACHE_VARIABLE) or _of_the_user())
+    """Return the folder of the kernels: ``$FLEXID_CACHE_DIR``, or the user's cache."""
+    return Path(os.environ.get(CACHE_VARIABLE) or _user_cache_directory())
 
 
 @cache
-def _of_the_user() -> str:
+def _user_cache_directory() -> str:
     return platformdirs.user_cache_dir("flexid")
 
 
@@ -226,7 +226,7 @@ def _digest(*parts: str) -> str:
 
 @cache
 def _generator_digest() -> str:
-    """Hash of the code that generates, and of that which fixes what declarations mean."""
+    """Hash of the packages that declare models and generate source."""
     content = hashlib.sha256()
     for package in ("flexid.models", "flexid.derivation", "flexid.paper"):
         files = [f for f in resources.files(package).iterdir() if f.name.endswith((".py", ".toml"))]
@@ -236,7 +236,7 @@ def _generator_digest() -> str:
 
 
 def _import(name: str, path: Path, source: str) -> ModuleType:
-    """Import a kernel; what it compiles by that, one process at a time compiles."""
+    """Import a kernel; if the import compiles functions, one process at a time does so."""
     specification = importlib.util.spec_from_file_location(name, path)
     assert specification is not None
     assert specification.loader is not None
@@ -252,7 +252,7 @@ def _import(name: str, path: Path, source: str) -> ModuleType:
         except BaseException:
             del sys.modules[name]
             raise
-    for value in vars(module).values():  # functions that are compiled when they are called
+    for value in vars(module).values():  # functions that are compiled at their first call
         own_cache: Any = getattr(value, "_cache", None)
         if hasattr(own_cache, "save_overload"):
             _OneCompiles(own_cache, path)

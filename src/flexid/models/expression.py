@@ -1,4 +1,4 @@
-"""Text expressions, read by folding Python's syntax tree over a whitelist, never evaluated."""
+"""Text expressions: parsed to Python's syntax tree, checked by a whitelist, never evaluated."""
 
 import ast
 import math
@@ -19,18 +19,18 @@ _ALIASES = {"Abs": "abs"}  # how SymPy prints it
 _MAX_LENGTH = 4000
 _MAX_DEPTH = 60
 _MAX_EXPONENT = 12
-_MAX_POWER_LEVELS = 2  # 9e300 to the 12th to the 12th has 43 000 digits; enough is enough
+_MAX_POWER_LEVELS = 2  # limits the size of numbers: 9e300 to the 12th twice has 43 000 digits
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Algebra(Generic[T]):
-    """What the parts of an expression mean."""
+    """Meaning of the parts of an expression."""
 
-    number: Callable[[str], T]  # of a number, given as decimal text
-    name: Callable[[str], T]  # of a declared name or of the constant ``pi``
-    operations: Mapping[str, Callable[..., T]]  # of those in `OPERATIONS`, and of `FUNCTIONS`
+    number: Callable[[str], T]  # value of a number in decimal text
+    name: Callable[[str], T]  # value of a declared name or of the constant ``pi``
+    operations: Mapping[str, Callable[..., T]]  # by the names in `OPERATIONS` and `FUNCTIONS`
 
 
 _OPERATORS: dict[type[ast.operator], str] = {
@@ -49,11 +49,11 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
     "**": operator.pow,
     "negate": operator.neg,
 }
-"""What operators mean to most algebras, by their sign; and ``negate``, the unary minus."""
+"""Operations of most algebras by their sign, and ``negate``, the unary minus."""
 
 
 def fold(expression: str, names: Collection[str], algebra: Algebra[T], place: str) -> T:
-    """Read an expression and give it the meaning of an algebra."""
+    """Parse an expression and return its value in an algebra."""
     if len(expression) > _MAX_LENGTH:
         raise ExpressionError(expression, f"is longer than {_MAX_LENGTH} characters", place)
     try:
@@ -70,14 +70,14 @@ def _parsed(expression: str) -> ast.Expression:
     return ast.parse(expression, mode="eval")
 
 
-@lru_cache(maxsize=1024)  # a process makes the same model again and again
+@lru_cache(maxsize=1024)  # a process often makes the same model many times
 def check_expression(expression: str, names: frozenset[str], place: str) -> None:
-    """Raise `ExpressionError` unless the expression stays within the whitelist and the names."""
+    """Raise `ExpressionError` if an expression uses anything but the whitelist and the names."""
     fold(expression, names, _NOTHING, place)
 
 
 def evaluate(expression: str, values: Mapping[str, float], place: str) -> float:
-    """Value of an expression."""
+    """Return the value of an expression."""
     numbers = Algebra(float, {"pi": math.pi, **values}.__getitem__, _OF_NUMBERS)
     try:
         value = fold(expression, values, numbers, place)
@@ -138,7 +138,7 @@ class _Folder:
         return name
 
     def binary(self, node: ast.BinOp, depth: int):
-        # a + b + c is (a + b) + c to Python, but a long sum is not deep to who writes it.
+        # Python nests a + b + c as (a + b) + c; the loop keeps a long sum from counting as deep.
         chain, first = [], node
         while isinstance(first, ast.BinOp) and type(first.op) in _OPERATORS:
             chain.append(first)
@@ -154,7 +154,7 @@ class _Folder:
         return value
 
     def check_exponent(self, node: ast.expr) -> None:
-        # Only literal exponents: a power tower would keep the computer algebra busy for ever.
+        # Only literal exponents: the computer algebra would never finish with a power tower.
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
             node = node.operand
         if (
@@ -191,7 +191,7 @@ _OF_NUMBERS: dict[str, Callable[..., Any]] = {
 _NOTHING = Algebra[None](
     lambda _: None, lambda _: None, dict.fromkeys(_OF_NUMBERS, lambda *_: None)
 )
-"""The algebra of the mere check: every part means nothing."""
+"""Algebra for checks alone: every part has the value None."""
 
 
 def _power_levels(node: ast.AST) -> int:

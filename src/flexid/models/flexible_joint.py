@@ -15,7 +15,7 @@ from flexid.models.parametric_system import Memory, ParametricSystem, Row
 DECLARED: Mapping[str, Any] = tomllib.loads(
     Path(__file__).with_name("joint.toml").read_text("utf-8")
 )
-"""What ``joint.toml`` declares of joints and arms."""
+"""Declarations of joints and arms in ``joint.toml``."""
 
 # Huang (2003) numbers theta1 before theta2, so gravity comes before the spring.
 CONTENTS: Sequence[Mapping[str, Any]] = [
@@ -24,17 +24,17 @@ CONTENTS: Sequence[Mapping[str, Any]] = [
     *(content for name, content in DECLARED["terms"].items() if name != "gravity"),
     *DECLARED["shapes"].values(),
 ]
-"""The same of all terms of the flexible joint, in the order of their coefficients."""
+"""Declarations of all terms of the flexible joint, in the order of their coefficients."""
 
 COULOMB_VELOCITY: Mapping[JointType, float] = {"revolute": 0.1, "prismatic": 0.005}
 """Velocity in rad/s or m/s over which the smoothed Coulomb friction, a tanh, changes sign."""
 
-SMOOTHING = "coulomb_velocity"  # the constant of that name in the regressors of Coulomb friction
+SMOOTHING = "coulomb_velocity"  # name of this velocity in the regressors of Coulomb friction
 
 
 @dataclass(frozen=True)
 class Term:
-    """A term of the flexible joint: its coefficients in each row, with their regressors."""
+    """Term of the flexible joint: its coefficients in each row, with their regressors."""
 
     description: str
     link: Mapping[str, str]
@@ -44,7 +44,7 @@ class Term:
 
     @staticmethod
     def declared(content: Mapping[str, Any]) -> "Term":
-        """A term as ``joint.toml`` has it."""
+        """Make a term from its table in ``joint.toml``."""
         link, motor = (
             {name: regressor for name, (regressor, _) in content.get(side, {}).items()}
             for side in ("link", "motor")
@@ -54,12 +54,12 @@ class Term:
 
     @property
     def nonlinear(self) -> str | None:
-        """The coefficient in which it is not linear, if there is one."""
+        """Name of the grip or constant in which the term is nonlinear, if there is one."""
         return self.memory.grip if self.memory else self.constant
 
     @property
     def coefficients(self) -> tuple[str, ...]:
-        """All that it adds."""
+        """Names of all coefficients that the term adds."""
         return (*self.link, *self.motor, *((self.nonlinear,) if self.nonlinear else ()))
 
 
@@ -70,7 +70,7 @@ def declared_row(
     regressors: Mapping[str, str],
     known: Collection[str],
 ) -> Row:
-    """Declare a row, with the terms of known coefficients in its known part."""
+    """Declare a row; terms of known coefficients go to its known part."""
     unknown = {c: r for c, r in regressors.items() if c not in known}
     known_part = " + ".join(f"{c}*({r})" for c, r in regressors.items() if c in known)
     return Row(name, coordinate, velocity, unknown, known_part or "0")
@@ -79,7 +79,7 @@ def declared_row(
 def model_constants(
     regressors: Mapping[str, str], known: Mapping[str, float], coulomb_velocity: float
 ) -> dict[str, float]:
-    """Values of the constants that a model's expressions use: what is known, and the smoothing."""
+    """Return the constants of a model: known coefficients, and the smoothing velocity if used."""
     for coefficient in known:
         if coefficient not in regressors:
             raise SettingError(
@@ -93,14 +93,14 @@ def model_constants(
 
 
 def with_dry_friction(system: ParametricSystem) -> ParametricSystem:
-    """The same system with Coulomb friction that is set-valued instead of smoothed by tanh."""
+    """Return the system with set-valued Coulomb friction instead of tanh."""
     constants = {name: value for name, value in system.constants.items() if name != SMOOTHING}
     name, rows = f"{system.name}, dry friction", _rewritten(system, _SMOOTHED, "sign({v})")
     return replace(system, name=name, rows=rows, constants=constants)
 
 
 def without_jumps(system: ParametricSystem, joint: JointType) -> ParametricSystem:
-    """The same with the sign of a row's own velocity smoothed as Coulomb friction is."""
+    """Return the system with the sign of each row's velocity smoothed like Coulomb friction."""
     rows = _rewritten(system, "sign({v})", _SMOOTHED)
     if rows == system.rows:
         return system
@@ -112,7 +112,7 @@ _SMOOTHED = f"tanh({{v}}/{SMOOTHING})"
 
 
 def _rewritten(system: ParametricSystem, old: str, new: str) -> tuple[Row, ...]:
-    """Rows with other text for some function of their own velocity v."""
+    """Replace one function of a row's own velocity v by another, as text, in all rows."""
 
     def written(text: str, row: Row) -> str:
         return text.replace(old.format(v=row.velocity), new.format(v=row.velocity))
@@ -130,10 +130,10 @@ def _rewritten(system: ParametricSystem, old: str, new: str) -> tuple[Row, ...]:
 _COMPLIANCE = Term.declared(DECLARED["spring"])
 
 TERMS = {name: Term.declared(content) for name, content in DECLARED["terms"].items()}
-"""Terms that can be switched on besides the joint spring, which is always there."""
+"""Terms that can be switched on; the joint spring is always there."""
 
 SHAPE_TERMS = {name: Term.declared(content) for name, content in DECLARED["shapes"].items()}
-"""Terms for what a drive may have besides those of `TERMS`; each stands for a family of shapes."""
+"""Less usual terms, which can be switched on too; each is a family of shapes."""
 
 STRIBECK_VELOCITY = "stribeck_velocity"
 BACKLASH_WIDTH = "backlash_width"
@@ -144,27 +144,27 @@ RIPPLE_ORIGIN = "ripple_origin"
 HYSTERESIS_GRIP = "hysteresis_grip"
 
 SHAPES = tuple(DECLARED["constants"])
-"""Constants of these terms: how wide their shapes are, and where they are or count from."""
+"""Constants of these terms: widths of their shapes, centre or origin."""
 
 SOUGHT_CONSTANTS = frozenset(term.constant for term in SHAPE_TERMS.values() if term.constant)
-"""Those that are sought together with the coefficients of their terms."""
+"""Constants that are estimated together with the coefficients of their terms."""
 
 WIDTHS = tuple(name for name in SHAPES if name != SPRING_CENTRE)
-"""Those without which a term says nothing; a spring is about no deflection unless one is given."""
+"""Constants without a usable default; the centre of a spring is 0 unless it is given."""
 
 CONSTANT_UNITS = {SMOOTHING: "rad/s"} | {
     name: unit for name, (_, unit) in DECLARED["constants"].items()
 }
-"""Unit of each constant that a term may bring."""
+"""Unit of each constant that a term may have."""
 
 _EVERY = DECLARED["terms"] | DECLARED["shapes"]
 
 SQUARES: frozenset[str] = frozenset(
     name for one in _EVERY.values() for name in one.get("squares", ())
 )
-"""Those that follow from others of their own row: too small to be sought each for itself."""
+"""Coefficients that follow from others of their row, too small to be estimated separately."""
 
-# One spring acts on both sides: a/Jl = (a/Jr) theta2/alpha1. And squares of an eccentricity.
+# A spring acts on both sides: a/Jl = (a/Jr) theta2/alpha1. An eccentricity has squares as well.
 TIES: dict[str, tuple[str, str, str]] = {
     link: (motor, "theta2", "alpha1")
     for one in _EVERY.values()
@@ -174,7 +174,7 @@ TIES: dict[str, tuple[str, str, str]] = {
     for one in _EVERY.values()
     for name, (first, second) in one.get("squares", {}).items()
 }
-"""Coefficients that follow from others, the first times the second over the third."""
+"""Coefficients that follow from three others: the first times the second over the third."""
 
 COEFFICIENT_UNITS: dict[str, str] = {
     **{
@@ -197,12 +197,12 @@ DISSIPATIVE = frozenset(
     for row in (one.get("link", ()), one.get("motor", ()), _RIGID.get(one.get("rigid"), ()))
     for name in row
 )
-"""Frictions and dampings, which no drive has negative."""
+"""Coefficients of friction and damping, which are never negative."""
 
 SPRING = _COMPLIANCE.coefficients  # coefficients of the joint spring, in the rows of link and motor
 
 POSITIVE = frozenset({*SPRING, "beta1"})
-"""Coefficients that no spring and no inertia has negative or zero."""
+"""Coefficients of stiffness and inertia, which are always positive."""
 
 HARDENING = frozenset(TERMS["cubic_stiffness"].coefficients)
 """Coefficients of a spring that hardens or softens."""
@@ -211,26 +211,26 @@ DAMPING = frozenset(TERMS["joint_damping"].coefficients)
 """Coefficients of the damping of the spring."""
 
 SATURATION = frozenset(SHAPE_TERMS["torque_saturation"].coefficients)
-"""Coefficients of a torque that falls behind the input where that is large."""
+"""Coefficients of the saturation of the torque at large inputs."""
 
 
 def resonance(coefficients: Mapping[str, float]) -> float:
-    """Angular frequency in rad/s of the joint on its spring, as far as coefficients say."""
+    """Return the angular resonance in rad/s of both sides; a missing coefficient counts as 0."""
     return float(sum(abs(coefficients.get(name, 0.0)) for name in SPRING)) ** 0.5
 
 
 def coefficients_of(term: str) -> tuple[str, ...]:
-    """Coefficients of a term, and of the one that it becomes in the rigid joint."""
+    """Return the coefficients of a term, and of its counterpart in the rigid joint."""
     return (*TERMS[term].coefficients, *_RIGID.get(DECLARED["terms"][term].get("rigid"), ()))
 
 
 DRY_FRICTIONS = frozenset(
     c for term in ("link_coulomb", "motor_coulomb") for c in coefficients_of(term)
 )
-"""Coefficients of Coulomb frictions, which depend on the direction alone."""
+"""Coefficients of Coulomb friction, which depends on the direction alone."""
 
 ANGULAR_TERMS = frozenset(name for name, one in _EVERY.items() if one.get("angular"))
-"""Terms that repeat with the angle of a link, which one that slides does not have."""
+"""Terms that repeat with the angle of a link; a link that slides has none."""
 
 PAPER_TERMS = ("gravity", "motor_viscous")  # of Huang (2003), eq. (4)
 
@@ -250,8 +250,8 @@ def flexible_joint(
         Coefficients whose value is known, for example ``{"beta1": 1 / 0.3}``; they move from the
         unknown coefficients to the known part.
     coulomb_velocity : float, optional
-        Velocity in rad/s over which Coulomb friction changes sign. Where there is any, it is a
-        constant of the model: another value needs no other kernel.
+        Velocity in rad/s over which Coulomb friction changes sign, if there is any. It is a
+        constant of the model, so another value needs no other kernel.
 
     Returns
     -------
@@ -293,7 +293,7 @@ RIGID_TERMS: dict[str, dict[str, str]] = {
     term: {name: regressor for name, (regressor, _) in content.items()}
     for term, content in DECLARED["rigid"].items()
 }
-"""Terms that can be switched on besides the inertia, which is always there, with regressors."""
+"""Terms of the rigid joint that can be switched on, with regressors; the inertia always exists."""
 
 RIGID_UNITS: dict[str, str] = {
     name: unit for content in DECLARED["rigid"].values() for name, (_, unit) in content.items()
@@ -347,7 +347,7 @@ def joint_model(
     coulomb_velocity: float,
     shapes: Mapping[str, float],  # constants of the shapes of unusual terms, by name
 ) -> ParametricSystem:
-    """Declare the joint of a kind, its link alone among them, with smoothed friction."""
+    """Declare a joint of some kind, or its link alone, with smoothed friction."""
     if kind == "rigid":
         return rigid_joint(terms, known, coulomb_velocity)
     whole = flexible_joint(terms, known, coulomb_velocity)
@@ -356,13 +356,13 @@ def joint_model(
 
 
 def rigid_terms(flexible_terms: Collection[str]) -> tuple[str, ...]:
-    """Terms of the rigid joint that a flexible joint with the given terms has in common with it."""
+    """Return the terms of the rigid joint that correspond to terms of a flexible joint."""
     found = {DECLARED["terms"].get(term, {}).get("rigid") for term in flexible_terms}
     return tuple(term for term in RIGID_TERMS if term in found)
 
 
 def row_alone(system: ParametricSystem, name: str) -> ParametricSystem:
-    """One row of a system, with the states of the other rows as inputs."""
+    """Return one row of a system, with the states of the other rows as inputs."""
     row = next(row for row in system.rows if row.name == name)
     others = [state for state in system.states if state not in (row.coordinate, row.velocity)]
     used = {*re.findall(r"[^\W\d]\w*", " ".join([*row.regressors.values(), row.known]))}

@@ -1,4 +1,4 @@
-"""Model files: a `ParametricSystem`, or an arm, written down in TOML."""
+"""Model files: a `ParametricSystem`, or an arm, in TOML."""
 
 from functools import partial
 from math import isfinite, radians
@@ -60,7 +60,7 @@ def read_model(path: str | Path) -> ParametricSystem:
     Raises
     ------
     ModelError
-        If the file cannot be read or declares no model; the text names file, key and remedy.
+        If the file cannot be read or declares no model; the message gives file, key and remedy.
     ExpressionError
         If an expression leaves the whitelist.
     """
@@ -82,7 +82,7 @@ def read_model(path: str | Path) -> ParametricSystem:
         raise ModelError(str(path), "an expression is nested too deeply: split it") from None
 
 
-MOST_JOINTS = 7  # joints of an arm at most: its equations grow with the third power of their number
+MOST_JOINTS = 7  # largest number of joints of an arm: its equations grow with the third power
 
 _LONGEST, _STRONGEST = 100.0, 1000.0  # m, m/s^2
 
@@ -114,7 +114,7 @@ class _ArmFile(BaseModel):
 
 
 def read_arm(path: Path) -> PlanarArm:
-    """Read an arm: the table ``[arm]`` of a TOML file: lengths, gravity, and which joints slide."""
+    """Read the table ``[arm]`` of a TOML file: lengths, gravity, and which joints slide."""
     refuse = partial(_refused, shown(path))
     content = parse_toml(read_small(path, "a TOML file", refuse), refuse)
     arm = validated(content, _ArmFile, refuse).arm
@@ -124,7 +124,7 @@ def read_arm(path: Path) -> PlanarArm:
     slides = tuple(angles.get(joint) for joint in joints)
     for joint in angles:
         if joint not in joints:
-            reason = f"names joint {joint}, and there are lengths of {len(joints)}: add its length"
+            reason = f"names joint {joint}, but lengths ends at joint {joints[-1]}: add its length"
             raise refuse("arm.slides", reason)
     for joint in joints[:-1]:
         if arm.lengths[joint - 1] == 0.0 and not {joint, joint + 1} & angles.keys():

@@ -1,4 +1,4 @@
-"""The class of systems of Huang (2003), eq. (1): rows q' = v, v' = r(x, u)ᵀ p + k(x, u)."""
+"""Class of systems of Huang (2003), eq. (1): rows q' = v, v' = r(x, u)ᵀ p + k(x, u)."""
 
 import hashlib
 import json
@@ -14,7 +14,7 @@ from flexid.models.expression import CONSTANTS, FUNCTIONS, check_expression
 RESERVED = frozenset(
     {*FUNCTIONS, *CONSTANTS, "t", "Abs", "copysign", "log"} | {"len", "np", "njit", "range"}
 )
-"""Names that mean something in expressions or in generated code."""
+"""Names with a meaning in expressions or in generated code."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Row:
     Parameters
     ----------
     name : str
-        What the row describes, for example ``"link"``.
+        Name of the row, for example ``"link"``.
     coordinate, velocity : str
         Names of q and v.
     regressors : mapping of str to expression
@@ -40,7 +40,7 @@ class Row:
     known: str = "0"
 
     def __post_init__(self) -> None:
-        # A SymPy expression prints as text of the same grammar, so text is the one stored form.
+        # A SymPy expression prints as text of the same grammar, so only text is stored.
         object.__setattr__(self, "regressors", {c: str(r) for c, r in self.regressors.items()})
         object.__setattr__(self, "known", str(self.known))
 
@@ -52,29 +52,29 @@ class Row:
 
 @dataclass(frozen=True)
 class Memory:
-    """A state h in [-1, 1] along a path of rate w, h' = s (w - |w| h) with grip s (Dahl, 1968)."""
+    """Hysteresis state h in [-1, 1], h' = s (w - |w| h), of a path of rate w (Dahl, 1968)."""
 
     name: str  # name of h in expressions
     path: str  # coordinates of rows, or a difference of two
-    grip: str  # name of the coefficient s, in 1/rad
+    grip: str  # name of the coefficient s in 1/rad: one over the path within which h follows
 
 
 def check_name(model: str, name: str) -> None:
-    """Raise `ModelError` if expressions could not use a name."""
+    """Raise `ModelError` if expressions cannot use a name."""
     if keyword.iskeyword(name):
         raise ModelError(
-            model, f"{name!r} is a word of Python, so no expression can use it: write {name}_"
+            model, f"{name!r} is a keyword of Python, so no expression can use it: write {name}_"
         )
     if not name.isidentifier() or name.startswith("_"):
         raise ModelError(
             model,
-            f"{name!r} cannot be a name: take letters, digits and _, and begin with a letter",
+            f"{name!r} is no valid name: use letters, digits and _, and begin with a letter",
         )
 
 
 @dataclass(frozen=True)
 class ParametricSystem:
-    """A system of rows ``v' = r(x, u)ᵀ p + k(x, u)`` with measured state x and input u.
+    """System of rows ``v' = r(x, u)ᵀ p + k(x, u)`` with measured state x and input u.
 
     Parameters
     ----------
@@ -86,18 +86,18 @@ class ParametricSystem:
         Names of the inputs.
     constants : mapping of str to float, optional
         Known numbers that expressions may use, with their default values; values can be replaced
-        at run time without deriving anything again.
+        at run time without another derivation.
     memories : tuple of Memory, optional
-        States that expressions may use besides those of the rows. The prediction error alone knows
-        what to do with them.
+        Hysteresis states that expressions may use in addition to the rows' states. Only the
+        prediction error supports them.
     nonlinear : tuple of str, optional
-        Further coefficients, which expressions use and need not be linear in. The prediction error
-        alone seeks them.
+        Further coefficients, in which expressions may be nonlinear. Only the prediction error
+        estimates them.
 
     Raises
     ------
     ModelError
-        If names clash or are no names.
+        If a name is invalid or declared twice.
     ExpressionError
         If an expression leaves the whitelist or uses an undeclared name.
 
@@ -168,12 +168,12 @@ class ParametricSystem:
 
     @cached_property
     def variables(self) -> frozenset[str]:
-        """The names an expression of this system may use."""
+        """Names that an expression of this system may use."""
         return frozenset({*self.states, *self.inputs, *self.constants, *self.nonlinear})
 
     @cached_property
     def digest(self) -> str:
-        """Hash of everything that a derivation depends on (not of the constants' values)."""
+        """Hash of everything that a derivation depends on, thus without the constants' values."""
         content = {
             "name": self.name,
             "rows": [
@@ -192,17 +192,17 @@ class ParametricSystem:
     def with_constants(self, values: Mapping[str, float]) -> "ParametricSystem":
         """Return the same system with other values of some constants.
 
-        Nothing is checked again, since the names stay: thousands of runs differ in values alone.
+        The system is not checked again, because only values change.
 
         Parameters
         ----------
         values : mapping of str to float
-            New values by name; the others stay as they are.
+            New values by name; other constants keep their values.
 
         Raises
         ------
         ModelError
-            If there is no constant of a name.
+            If the system has no constant of a given name.
         """
         for name in values:
             if name not in self.constants:
@@ -216,31 +216,31 @@ class ParametricSystem:
         return changed
 
     def seeking(self, names: Collection[str]) -> "ParametricSystem":
-        """Return the same system with some of its constants unknown: nonlinear coefficients.
+        """Return the same system with some constants turned into unknown nonlinear coefficients.
 
         Parameters
         ----------
         names : collection of str
-            Names of constants; those that it has not are of no account.
+            Names of constants; other names are ignored.
         """
         constants = {name: v for name, v in self.constants.items() if name not in names}
         sought = tuple(name for name in self.constants if name in names)
         return replace(self, constants=constants, nonlinear=(*self.nonlinear, *sought))
 
     def knowing(self, values: Mapping[str, float]) -> "ParametricSystem":
-        """Return the same system with some of its nonlinear coefficients known: constants.
+        """Return the same system with some nonlinear coefficients turned into known constants.
 
         Parameters
         ----------
         values : mapping of str to float
-            Values by name; those that it has not are of no account.
+            Values by name; other names are ignored.
         """
         known = {name: values[name] for name in self.nonlinear if name in values}
         sought = tuple(name for name in self.nonlinear if name not in known)
         return replace(self, constants={**self.constants, **known}, nonlinear=sought)
 
     def row_slices(self) -> Iterator[tuple[Row, slice]]:
-        """Each row with the place of its coefficients in `coefficients`."""
+        """Yield each row with the slice of its coefficients in `coefficients`."""
         start = 0
         for row in self.rows:
             stop = start + len(row.regressors)

@@ -13,7 +13,7 @@ from flexid.models.flexible_joint import CONTENTS, DECLARED
 
 @dataclass(frozen=True)
 class Product:
-    """A product of powers of coefficients: the usual physical parameter."""
+    """Product of powers of coefficients: the usual physical parameter."""
 
     name: str
     unit: str  # in SI; ``{input}`` stands for the unit of the input
@@ -25,7 +25,7 @@ class Product:
         return tuple(self.exponents)
 
     def value(self, coefficients: Mapping[str, float]) -> float:
-        """Value of the parameter; infinite where a denominator is zero, or as good as that."""
+        """Return the value of the parameter; infinite if a denominator is zero or tiny."""
         try:
             return prod(coefficients[c] ** power for c, power in self.exponents.items())
         except (ZeroDivisionError, OverflowError):
@@ -34,7 +34,7 @@ class Product:
     def gradient(
         self, coefficients: Mapping[str, float], names: Collection[str]
     ) -> NDArray[np.float64]:
-        """Derivative of the value with respect to the named coefficients, shape (n_names,)."""
+        """Return the derivatives of the value by the named coefficients, shape (n_names,)."""
         return np.array([self._derivative(name, coefficients) for name in names])
 
     def _derivative(self, name: str, coefficients: Mapping[str, float]) -> float:
@@ -47,7 +47,7 @@ class Product:
 
 @dataclass(frozen=True)
 class Pair:
-    """A function of two coefficients times a product of others; its subclasses say which."""
+    """Function of two coefficients, defined by subclasses, times a product of others."""
 
     name: str
     unit: str  # in SI; ``{input}`` stands for the unit of the input
@@ -56,7 +56,7 @@ class Pair:
     exponents: Mapping[str, int] = field(default_factory=dict)  # of the product, by coefficient
 
     def _function(self, first: float, second: float) -> tuple[float, float, float]:
-        """Value of the function, and its derivatives by the two."""
+        """Value of the function, and its derivatives by the two coefficients."""
         raise NotImplementedError
 
     @property
@@ -65,14 +65,14 @@ class Pair:
         return (self.first, self.second, *self.exponents)
 
     def value(self, coefficients: Mapping[str, float]) -> float:
-        """Value of the parameter; infinite where a denominator is zero."""
+        """Return the value of the parameter; infinite if a denominator is zero."""
         value, *_ = self._function(coefficients[self.first], coefficients[self.second])
         return value * Product(self.name, self.unit, self.exponents).value(coefficients)
 
     def gradient(
         self, coefficients: Mapping[str, float], names: Collection[str]
     ) -> NDArray[np.float64]:
-        """Derivative by the named coefficients, shape (n_names,); NaN where there is none."""
+        """Return derivatives by the named coefficients, shape (n_names,); NaN if undefined."""
         value, *slopes = self._function(coefficients[self.first], coefficients[self.second])
         factor = Product(self.name, self.unit, self.exponents)
         gradient = value * factor.gradient(coefficients, names)
@@ -83,7 +83,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class Amplitude(Pair):
-    """Amplitude of ``first sin x + second cos x`` times a product, as that of a tilted gravity."""
+    """Amplitude of ``first sin x + second cos x`` times a product, such as gravity's torque."""
 
     def _function(self, first: float, second: float) -> tuple[float, float, float]:
         size = hypot(first, second)
@@ -92,7 +92,7 @@ class Amplitude(Pair):
 
 @dataclass(frozen=True)
 class ZeroAngle(Pair):
-    """The angle within (-pi, pi] at which ``first sin x + second cos x`` passes zero, rising."""
+    """Angle within (-pi, pi] at which ``first sin x + second cos x`` passes zero, rising."""
 
     def _function(self, first: float, second: float) -> tuple[float, float, float]:
         square = first**2 + second**2
@@ -102,10 +102,10 @@ class ZeroAngle(Pair):
 
 @dataclass(frozen=True)
 class Directional(Pair):
-    """A friction in one direction, (first + sign second) times a product."""
+    """Friction in one direction: (first + sign second) times a product."""
 
     sign: float = 1.0
-    # coefficients without which a model does not distinguish the directions
+    # further coefficients of a model that distinguishes the directions
     beside: tuple[str, ...] = ()
 
     @property
@@ -119,7 +119,7 @@ class Directional(Pair):
 
 @dataclass(frozen=True)
 class Quotient:
-    """A coefficient over a weighted sum of others."""
+    """Coefficient over a weighted sum of others."""
 
     name: str
     unit: str
@@ -132,14 +132,14 @@ class Quotient:
         return (self.numerator, *self.weights)
 
     def value(self, coefficients: Mapping[str, float]) -> float:
-        """Value of the parameter; infinite where the sum is zero."""
+        """Return the value of the parameter; infinite if the sum is zero."""
         total = self._total(coefficients)
         return coefficients[self.numerator] / total if total else inf
 
     def gradient(
         self, coefficients: Mapping[str, float], names: Collection[str]
     ) -> NDArray[np.float64]:
-        """Derivative by the named coefficients, shape (n_names,); infinite as the value."""
+        """Return derivatives by the named coefficients, (n_names,); infinite if the value is."""
         total, value = self._total(coefficients), self.value(coefficients)
         if not total:
             return np.full(len(names), inf)
@@ -153,7 +153,7 @@ class Quotient:
 
 @dataclass(frozen=True)
 class Sum:
-    """A sum of products, which a log may know where it knows none of them."""
+    """Sum of products, which a log may determine even if it determines none of them."""
 
     name: str
     unit: str
@@ -165,13 +165,13 @@ class Sum:
         return tuple(dict.fromkeys(c for part in self.parts for c in part.coefficients))
 
     def value(self, coefficients: Mapping[str, float]) -> float:
-        """Value of the parameter; infinite where a denominator is zero."""
+        """Return the value of the parameter; infinite if a denominator is zero."""
         return sum(part.value(coefficients) for part in self.parts)
 
     def gradient(
         self, coefficients: Mapping[str, float], names: Collection[str]
     ) -> NDArray[np.float64]:
-        """Derivative of the value with respect to the named coefficients, shape (n_names,)."""
+        """Return the derivatives of the value by the named coefficients, shape (n_names,)."""
         return np.sum([part.gradient(coefficients, names) for part in self.parts], axis=0)
 
 
@@ -199,17 +199,17 @@ def _declared(table: list[dict[str, Any]]) -> tuple[PhysicalParameter, ...]:
     return tuple(found)
 
 
-# Nearly all are products of powers, such as ke = alpha1 / beta1 and Jl = ke / theta2 of Huang
-# (2003), section 3. Where the input is no torque, only ratios are known.
+# Most parameters are products of powers, such as ke = alpha1 / beta1 and Jl = ke / theta2 of Huang
+# (2003), section 3. If the input is no torque, only ratios are known.
 _TABLES: Mapping[str, tuple[PhysicalParameter, ...]] = {
     name: _declared(table) for name, table in DECLARED["parameters"].items()
 }
 
 ANGLES = frozenset(p.name for table in _TABLES.values() for p in table if isinstance(p, ZeroAngle))
-"""Parameters of which a difference is taken round the circle, and no percentage makes sense."""
+"""Parameters that are angles: their differences are modulo 2π, and percentages are meaningless."""
 
 PARAMETER_NAMES = tuple(dict.fromkeys(p.name for table in _TABLES.values() for p in table))
-"""Names of all physical parameters, of whichever joint and input."""
+"""Names of all physical parameters, for every kind of joint and input."""
 
 
 def physical_parameters(
@@ -217,16 +217,16 @@ def physical_parameters(
     input_is_torque: bool,
     kind: Literal["flexible", "rigid", "link"] = "flexible",
 ) -> tuple[PhysicalParameter, ...]:
-    """Physical parameters that coefficients determine; ratios where the input is no torque."""
+    """Return the physical parameters of some coefficients; ratios if the input is no torque."""
     known = "with_torque" if input_is_torque and kind != "link" else "ratios"
     table = _TABLES[known if kind == "flexible" else f"{kind}_{known}"]
-    # Of two entries with one name the later one heeds more coefficients, and takes the place.
+    # A later entry of the same name uses more coefficients and replaces the earlier one.
     found = {p.name: p for p in table if set(p.coefficients) <= set(coefficients)}
     return tuple(found.values())
 
 
 def difference(name: str, a: float, b: float) -> float:
-    """B's value minus A's, of an angle the shorter way round."""
+    """Return b - a, for an angle the shorter way round."""
     value = b - a
     return (value + pi) % (2.0 * pi) - pi if name in ANGLES else value
 
@@ -236,7 +236,7 @@ TERM_PARAMETERS: Mapping[str, str] = {
     for name, content in DECLARED["terms"].items()
     if "parameter" in content
 }
-"""The physical parameter of each term that has one."""
+"""Physical parameter of each term that has one."""
 
 _LINK, _MOTOR = (
     {
@@ -247,11 +247,11 @@ _LINK, _MOTOR = (
     }
     for side in ("link", "motor")
 )
-"""The parameter that, over its side's inertia, gives each coefficient."""
+"""Parameter that, divided by its side's inertia, gives each coefficient."""
 
 
 def joint_coefficients(parameters: Mapping[str, float]) -> dict[str, float]:
-    """Coefficients of a flexible joint from physical parameters, both inertias among them."""
+    """Return coefficients of a flexible joint from physical parameters, with both inertias."""
     link = {
         c: parameters[n] / parameters["link_inertia"] for c, n in _LINK.items() if n in parameters
     }

@@ -1,4 +1,4 @@
-"""The planar serial arm, whose elastic joints turn or slide: its terms, each declared once."""
+"""Planar serial arm with elastic joints that turn or slide."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -9,19 +9,19 @@ from flexid.models.motion import JointType
 from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
 
 JOINT_TERMS = tuple(JointTerm(name, **content) for name, content in DECLARED["arm"].items())
-"""What every joint of an arm may have: each torque opposes the motion, but for the input."""
+"""Terms that every joint of an arm may have; each torque but the input opposes the motion."""
 
 
 @dataclass(frozen=True)
 class PlanarArm:
-    """A planar serial arm: what is known of it before the log is read."""
+    """Known geometry of a planar serial arm."""
 
-    lengths: tuple[float, ...]  # distance in m from each joint to the next; of the last link, any
+    lengths: tuple[float, ...]  # distance in m from each joint to the next; any for the last link
     # acceleration in m/s² along link 1 at q1 = 0, and across it towards positive angles
     gravity: tuple[float, float] = (0.0, 0.0)
-    source: str = "arm"  # where this was read, for messages
-    # of each joint that slides, the angle in rad from along the link before it; None: it turns.
-    # Empty where all joints turn
+    source: str = "arm"  # file that declares the arm, for messages
+    # direction of each joint that slides: angle in rad from the link before; None: the joint turns.
+    # Empty if all joints turn
     slides: tuple[float | None, ...] = ()
 
     @property
@@ -36,16 +36,16 @@ class PlanarArm:
 
     @property
     def types(self) -> tuple[JointType, ...]:
-        """How each joint moves."""
+        """Type of each joint."""
         angles = self.slides or (None,) * self.joints
         return tuple("revolute" if angle is None else "prismatic" for angle in angles)
 
 
-# With m a link's mass, c the distance from joint to centre of mass, I its inertia about its joint
-# and m' the mass of all that turns on it: link_inertia I + m' l², link_moment m c + m' l. A link
-# that slides turns with the one before it: its inertia is added to that one's, and its mass counts.
+# A link has mass m, distance c from joint to centre of mass, inertia I about its joint, and carries
+# the mass m' at its end: link_inertia is I + m' l², link_moment is m c + m' l. A link that slides
+# turns with the link before: that link's inertia includes its inertia, and link_mass is its mass.
 def planar_arm(arm: PlanarArm) -> TorqueBalance:
-    """The torque balance of an arm in base parameters."""
+    """Declare the torque balance of an arm in base parameters."""
     constants = {f"l{i}": length for i, length in enumerate(arm.lengths, 1)}
     constants |= {"gx": arm.gravity[0], "gy": arm.gravity[1]}
     constants |= {f"d{i}": angle for i, angle in enumerate(arm.slides, 1) if angle is not None}
@@ -55,14 +55,14 @@ def planar_arm(arm: PlanarArm) -> TorqueBalance:
 
 
 def carried_links(balance: TorqueBalance, joint: int) -> list[str]:
-    """Names of the inertias, or masses, that a joint moves, its own link's first."""
+    """Return the names of the inertias, or masses, that a joint moves, its own link's first."""
     kind = "mass" if balance.types[joint - 1] == "prismatic" else "inertia"
     names = (f"link_{kind}_{k}" for k in range(joint, balance.joints + 1))
     return [name for name in names if name in balance.coefficients]
 
 
 class _Part(NamedTuple):
-    """A part of a velocity: an amount in a direction, given along and across a link."""
+    """Part of a velocity: an amount, and its direction along and across a link."""
 
     amount: str
     along: str
@@ -70,12 +70,12 @@ class _Part(NamedTuple):
 
 
 class _Links(NamedTuple):
-    """Energies of links by the types of their joints."""
+    """Energies of the links of an arm."""
 
     types: Sequence[JointType]
 
     def terms(self, k: int) -> Iterator[BodyTerm]:
-        """The parameters of link k."""
+        """Yield the parameters of link k."""
         speed = self._sum("v", 1, k)
         parts = [*self._velocity(k)]
         if self.types[k - 1] == "revolute":
@@ -102,13 +102,13 @@ class _Links(NamedTuple):
             total = " + ".join(["0", *kinetic])
             yield BodyTerm(f"link_moment_{name}_{k}", k, total, weight, "kg m")
         carrying = self._sum("v", 1, k - 1)
-        # A rotor that drives a slide turns about an axis in the plane, as that of a screw does.
+        # The rotor of a joint that slides has its axis in the plane, like a screw: no coupling.
         if self.types[k - 1] == "revolute" and carrying != "0":
             coupling = f"w{k}*({carrying})"
             yield BodyTerm(f"rotor_coupling_{k}", k, coupling, "0", "kg m^2", 1)
 
     def _sum(self, letter: str, first: int, last: int) -> str:
-        """Sum over the joints that turn: a link's angle, or its speed."""
+        """Sum over the joints that turn: the angle or speed of a link."""
         joints = range(first, last + 1)
         return " + ".join(f"{letter}{i}" for i in joints if self.types[i - 1] == "revolute") or "0"
 
@@ -116,7 +116,7 @@ class _Links(NamedTuple):
         return [j for j in range(1, k + 1) if self.types[j - 1] == "prismatic"]
 
     def _velocity(self, k: int) -> Iterator[_Part]:
-        """Parts of the velocity of joint k, along and across link k."""
+        """Yield the parts of the velocity of joint k, along and across link k."""
         for i in range(1, k):
             if (speed := self._sum("v", 1, i)) != "0":
                 apart = self._sum("q", i + 1, k)
@@ -128,7 +128,7 @@ class _Links(NamedTuple):
                 yield _Part(f"q{j}*({speed})", f"(-sin({apart}))", f"cos({apart})")
 
     def _height(self, k: int) -> str:
-        """Potential of a mass at joint k."""
+        """Potential energy of a unit mass at joint k."""
         lengths = [(f"l{i}", self._sum("q", 1, i)) for i in range(1, k)]
         lengths += [(f"q{j}", f"{self._sum('q', 1, j)} + d{j}") for j in self._sliding(k)]
         return " + ".join(

@@ -1,4 +1,4 @@
-"""A torque balance Σ_k π_k φ_k(q, v, a, u) = 0: linear in π and affine in accelerations."""
+"""Torque balance Σ_k π_k φ_k(q, v, a, u) = 0: linear in π and affine in accelerations."""
 
 import hashlib
 import json
@@ -15,26 +15,26 @@ Place = Literal["link", "motor", "spring", "input"]
 
 @dataclass(frozen=True)
 class JointTerm:
-    """A torque that every joint has."""
+    """Torque that every joint has."""
 
-    name: str  # of its parameter; that of joint 2 is the name and ``_2``
+    name: str  # of its parameter, without the joint's number: joint 2 appends ``_2``
     place: Place  # where it acts. A spring acts on both sides
     # torque per unit of the parameter, opposed to the motion: a function of q, v and a of its side,
-    # of which the spring has differences, motor less link; of an input, of u
+    # for a spring of their differences (motor minus link), for an input of u
     expression: str
     unit: str  # of the parameter
-    sign: int = 0  # 1 if no joint has it negative
-    start: float = 0.0  # value where the log shows nothing of it
-    usual: bool = True  # sought in any case, or where it makes a fit better alone
+    sign: int = 0  # 1 if it is never negative
+    start: float = 0.0  # value if the log does not determine it
+    usual: bool = True  # True: always estimated; False: only if it improves a fit
     meaning: str = ""  # what the parameter is, for the manual
 
 
 @dataclass(frozen=True)
 class BodyTerm:
-    """A parameter of the bodies that the links carry, declared by its energies."""
+    """Parameter of the bodies that the links carry, declared by its energies."""
 
     name: str  # of the parameter
-    joint: int  # number of the joint in whose table it stands
+    joint: int  # number of the joint whose parameters include it
     # energies per unit of the parameter: functions of the links' angles q1 ... and speeds v1 ...,
     # the motors' speeds w1 ..., and the constants
     kinetic: str
@@ -46,7 +46,7 @@ class BodyTerm:
 
 @dataclass(frozen=True)
 class BalanceRow:
-    """The balance of one coordinate."""
+    """Balance of one coordinate."""
 
     name: str  # such as link_1
     coordinate: str
@@ -58,19 +58,19 @@ class TorqueBalance:
     """Balances of n joints: of link 1, motor 1, link 2, motor 2, and so on."""
 
     name: str
-    types: tuple[JointType, ...]  # how each joint moves
-    joint_terms: tuple[JointTerm, ...]  # what every joint has
-    body_terms: tuple[BodyTerm, ...]  # what couples them
-    # what is known, by name: lengths and gravity. The values are no part of the equations
+    types: tuple[JointType, ...]  # type of each joint
+    joint_terms: tuple[JointTerm, ...]  # terms of every joint
+    body_terms: tuple[BodyTerm, ...]  # terms that couple the joints
+    # known lengths and gravity, by name. The equations do not contain the values
     constants: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def joints(self) -> int:
-        """How many."""
+        """Number of joints."""
         return len(self.types)
 
     def placed(self) -> Iterator[tuple[str, int, JointTerm | BodyTerm]]:
-        """Each parameter with its joint and its declaration, joint by joint."""
+        """Yield each parameter's name, joint and declaration, joint by joint."""
         for joint in range(1, self.joints + 1):
             for term in self.joint_terms:
                 yield f"{term.name}_{joint}", joint, term
@@ -80,7 +80,7 @@ class TorqueBalance:
 
     @cached_property
     def unusual(self) -> tuple[str, ...]:
-        """Names of the parameters that are sought only where they make a fit better."""
+        """Names of the parameters that are estimated only if they improve a fit."""
         return tuple(
             name
             for name, _, term in self.placed()
@@ -94,7 +94,7 @@ class TorqueBalance:
 
     @cached_property
     def rows(self) -> tuple[BalanceRow, ...]:
-        """The balances, in order."""
+        """Balances, in order."""
         return tuple(
             row
             for i in range(1, self.joints + 1)
@@ -111,12 +111,12 @@ class TorqueBalance:
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """The motors' inputs."""
+        """Names of the motors' inputs."""
         return tuple(f"u{i}" for i in range(1, self.joints + 1))
 
     @property
     def digest(self) -> str:
-        """Hash of the equations, which the values of the constants are no part of."""
+        """Hash of the equations, without the values of the constants."""
         terms = [
             [name, joint, type(term).__name__, *_text(term)] for name, joint, term in self.placed()
         ]

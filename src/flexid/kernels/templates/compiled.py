@@ -1,6 +1,6 @@
-"""How functions are compiled that run at every sample, calls of a model, and parts of arrays.
+"""Options to compile functions of every sample, calls of a model, and parts of arrays.
 
-This stands ahead of what is generated.
+In a kernel this template comes before the generated part.
 """
 
 from typing import Any
@@ -11,25 +11,25 @@ from numba.core.cgutils import unpack_tuple
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
-# What runs at every sample allocates nothing. References to arrays are then not counted, which
-# costs more than the mathematics. Python does not call these functions: their wrappers would double
-# the time to compile them.
+# Functions of every sample allocate nothing. So references to arrays need no counts, which would
+# cost more than the mathematics. Python does not call these functions, so they have no wrappers,
+# which would double the time to compile them.
 _UNWRAPPED: dict[str, Any] = {
     "error_model": "numpy",
     "no_cpython_wrapper": True,
     "no_cfunc_wrapper": True,
 }
 _AT_EVERY_SAMPLE: dict[str, Any] = {**_UNWRAPPED, "_nrt": False}
-rounded: Any = njit(**_AT_EVERY_SAMPLE)  # each product and each sum
-uncounted: Any = njit(**_AT_EVERY_SAMPLE, fastmath={"contract"})  # a product and its sum at once
-inner: Any = njit(**_UNWRAPPED, fastmath={"contract"})  # the same, which returns tuples or arrays
+rounded: Any = njit(**_AT_EVERY_SAMPLE)  # rounds each product and each sum
+uncounted: Any = njit(**_AT_EVERY_SAMPLE, fastmath={"contract"})  # rounds a product and sum once
+inner: Any = njit(**_UNWRAPPED, fastmath={"contract"})  # for functions that return tuples, arrays
 inlined: Any = njit(**_AT_EVERY_SAMPLE, fastmath={"contract"}, forceinline=True)
 allocating: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True}
 equations: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
 def _call(_: Any, address, *arguments):
-    """Call a compiled function of a model by its address; of arrays it gets the numbers."""
+    """Call a compiled function of a model by its address; arrays are passed as pointers."""
     given: Any = types.BaseTuple.from_types(arguments)
 
     def code(context: Any, builder: Any, _: Any, values: Any) -> Any:
@@ -51,7 +51,7 @@ call: Any = intrinsic(_call)
 
 
 def _part(_: Any, numbers, first, size):
-    """Numbers from a place on, as an array: without the checks that a slice makes."""
+    """Return `size` numbers from index `first` on as an array, without the checks of a slice."""
     array = types.Array(numbers.dtype, 1, "C")
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:

@@ -1,15 +1,15 @@
 """Motion with set-valued dry friction, and its derivatives, over one sampling interval.
 
-Each row has a mode: 1 or -1 while it slides, which is the sign of its velocity, and 0 while it
-sticks. A change of mode is located within a step; positions and velocities are continuous there,
-and so are their derivatives, but for those of velocities:
+Each row has a mode: the sign of its velocity, 1 or -1, while it slides, and 0 while it sticks. A
+change of mode is located within a step. Positions, velocities and the derivatives of positions are
+continuous there. The derivatives S of velocities jump:
     reversal   S+ = S- + (a- - a+) t',  t' = -S-/a- of the row that turns,
-    sticking   the same, so that S+ = 0 in the row that stops; the others feel it stop if the mass
-               matrix couples them,
+    sticking   the same equation, so that S+ = 0 in the row that stops; it acts on other rows if the
+               mass matrix couples them,
     release    S+ = S-.
 
-The model is moved by its own kernel, which this one calls by its address, so that this one is
-compiled once for all models. All numbers of a motion lie in one array, `work`.
+The model moves by its own kernel, which this kernel calls by address, so that this kernel is
+compiled once for all models. One array, `work`, contains all numbers of a motion.
 """
 
 from collections import namedtuple
@@ -18,22 +18,22 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from flexid.kernels.templates.compiled import *
 
-MOST_EVENTS = 12  # changes of mode within one sampling interval; then it runs on as it is
-MOST_TRIALS = 8  # of the secant that locates a change
-CORNER_TRIALS = 3  # of that which locates a corner
-AT_CORNER = 1e-3  # of an interval, within which a corner is stepped over
-STOPPING_SAMPLES = 3.0  # within which a row stops that counts as stuck from the start
-NEAR = 1e-9  # of an interval, to which a change is located
-# Of the jump of acceleration in a reversal, that before it counts as at least. A friction that
-# brakes leaves it no smaller than the jump; next to none is left by one that drives, on which a fit
-# may try: derivatives by the moment of turning then hold for no change at all, and drown the rest.
+MOST_EVENTS = 12  # largest number of changes of mode located within one sampling interval
+MOST_TRIALS = 8  # largest number of secant steps that locate a change
+CORNER_TRIALS = 3  # number of secant steps that locate a corner
+AT_CORNER = 1e-3  # fraction of an interval around a corner that is stepped over
+STOPPING_SAMPLES = 3.0  # a row that would stop within this many samples may stick from the start
+NEAR = 1e-9  # fraction of an interval to which a change is located
+# Smallest acceleration before a reversal, as a fraction of the jump of acceleration. With braking
+# friction the acceleration is never below the jump. A fit may try driving friction, with which it
+# may be nearly 0: derivatives of the instant of turning would then be huge and useless.
 GRAZING = 0.1
 
-# What a model does, and what is where in the array `columns`; see the template ``model``.
+# Tasks of a model, and layout of the array `columns`; see the template ``model``.
 STEP_STATE, CARRY, RATES, LINEARISE, FIND_CORNERS = range(5)
 IN_USE, DELAY, ARE_DRY, AT = range(4)
 
-# A model: its address, its sizes, and what lies where in `work`.
+# A model: its address, its sizes, and the layout of `work`.
 Model = namedtuple(
     "Model",
     "address n_states n_rows n_inputs n_coefficients n_constants n_corners n_equations width "
@@ -44,14 +44,14 @@ Model = namedtuple(
 
 @uncounted
 def clear(first, size, numbers):
-    """Let so many numbers be zero."""
+    """Set `size` numbers from index `first` on to zero."""
     for i in range(first, first + size):
         numbers[i] = 0.0
 
 
 @uncounted
 def start_derivatives(model, work):
-    """Let the derivatives be those at the start of a segment."""
+    """Set the derivatives to their values at the start of a segment."""
     width = model.width
     clear(model.z, model.n_states * width, work)
     clear(model.disturbed, model.n_rows * width, work)
@@ -61,13 +61,13 @@ def start_derivatives(model, work):
 
 @uncounted
 def move(place, span, h, model, work, columns):
-    """Bring the state over a span of an interval of h seconds."""
+    """Compute the end of a step over a span, a fraction of an interval of h seconds."""
     call(model.address, work, columns, place, span, h, model.x, model.step, STEP_STATE)
 
 
 @uncounted
 def try_move(place, span, h, model, work, columns):
-    """The same for a look ahead, into another place."""
+    """Compute the end of a trial step, in a separate part of `work`."""
     size = 6 * model.n_states
     for i in range(size):
         work[model.alone + i] = work[model.step + i]
@@ -80,7 +80,7 @@ def try_move(place, span, h, model, work, columns):
 
 @uncounted
 def pull(state, row, side, place, model, work, columns):
-    """Acceleration of a row at rest if its friction were that of sliding to a side."""
+    """Acceleration of a row at rest with the friction of sliding in a direction, `side`."""
     mode, rate = model.modes + row, model.alone + model.n_states
     kept = work[mode]
     work[mode] = side
@@ -91,7 +91,7 @@ def pull(state, row, side, place, model, work, columns):
 
 @uncounted
 def margin(state, row, place, model, work, columns):
-    """Positive as long as a row stays in its mode: its speed, or what friction has in reserve."""
+    """Speed of a sliding row, or reserve of friction of a sticking row: negative ends its mode."""
     mode = work[model.modes + row]
     if mode != 0.0:
         return mode * work[state + 2 * row + 1]
@@ -102,7 +102,7 @@ def margin(state, row, place, model, work, columns):
 
 @uncounted
 def change_mode(row, place, model, work, columns):
-    """Let a row whose margin is used up change its mode: reverse, stick, or let go."""
+    """Change the mode of a row whose margin is zero: reverse, stick, or release."""
     x, z, width, n = model.x, model.z, model.width, columns[IN_USE]
     mode, velocity = model.modes + row, 2 * row + 1
     forward = pull(x, row, 1.0, place, model, work, columns)
@@ -116,7 +116,7 @@ def change_mode(row, place, model, work, columns):
     work[x + velocity] = 0.0
     through = after * old < 0.0
     turned = -old if through else 0.0
-    if place == 0.0:  # an observer's correction took it beyond zero, at a time that nothing moves
+    if place == 0.0:  # an observer's correction crossed zero; the instant depends on nothing
         clear(z + velocity * width, n, work)
     elif before * old < 0.0:
         jump = model.alone
@@ -142,10 +142,10 @@ def change_mode(row, place, model, work, columns):
 
 @uncounted
 def first_modes(h, trace, model, work, columns):
-    """Modes at the start of a segment; a row that would stop within a few samples sticks at once.
+    """Set modes at the start of a segment; a row that would stop within a few samples sticks.
 
-    How fast such a row was leaves no trace in its positions, if it moves by less than `trace`, and
-    a fit must not chase it.
+    If such a row moves by less than `trace`, its positions do not determine its initial velocity,
+    so a fit must not estimate it.
     """
     x, modes, width = model.x, model.modes, model.width
     for row in range(model.n_rows):
@@ -169,11 +169,11 @@ def first_modes(h, trace, model, work, columns):
 
 @uncounted
 def leaving_row(place, span, h, model, work, columns):
-    """The row whose mode ends first, by linear interpolation, and a span within which it does.
+    """Find the row whose mode ends first, by linear interpolation, and a span within which it ends.
 
-    It is -1 where none ends within the span that `work` holds the end of. A held input jumps
-    between two intervals: it may let go of a row that stuck, and hold it again before the interval
-    ends.
+    Return row -1 if no mode ends within the span. `work` must contain the end of the span. A held
+    input jumps between two intervals: it may release a row, which may stick again before the
+    interval ends.
     """
     x, end = model.x, model.step
     chosen, earliest, reach = -1, 2.0, span
@@ -201,11 +201,11 @@ def leaving_row(place, span, h, model, work, columns):
 
 @uncounted
 def turning_point(row, place, span, last, rise, h, model, work, columns):
-    """Span after which a row that slides is slowest, and its margin there.
+    """Find the span after which a sliding row is slowest, and its margin there.
 
-    A row may turn back and forth within one span and slide at its end as it did at its start; the
-    margin is that of the end where it cannot have done so, by a parabola through both ends with
-    the slope at the end.
+    A row may turn back and forth within one span and slide in the same direction at both ends. A
+    parabola through both ends, with the slope at the end, shows whether this is possible. If not,
+    the result is the whole span and the margin at its end.
     """
     velocity = 2 * row + 1
     mode = work[model.modes + row]
@@ -223,7 +223,7 @@ def turning_point(row, place, span, last, rise, h, model, work, columns):
 
 @uncounted
 def span_to_change(row, place, span, h, model, work, columns):
-    """Span after which the margin of a row is used up (regula falsi after Illinois)."""
+    """Find the span after which the margin of a row is zero (Illinois method, regula falsi)."""
     x, end = model.x, model.alone
     low, high = 0.0, span
     at_low = margin(x, row, place, model, work, columns)
@@ -234,7 +234,7 @@ def span_to_change(row, place, span, h, model, work, columns):
         gain = side * pull(x, row, side, place, model, work, columns)
         if side == 0.0 or gain <= 0.0:
             return 0.0
-        # It has just been let go and comes to rest again: at constant jerk, not before this.
+        # The row was just released and comes to rest again: at constant jerk, not before `low`.
         low = 0.5 * span * gain * span * h / (gain * span * h - at_high)
         try_move(place, low, h, model, work, columns)
         at_low = margin(end, row, place + low, model, work, columns)
@@ -258,16 +258,16 @@ def span_to_change(row, place, span, h, model, work, columns):
 
 @uncounted
 def corners_at(state, target, model, work, columns):
-    """Put what is zero at each corner, for one state, into `work`."""
+    """Compute the function that is zero at each corner, for one state, into `work`."""
     call(model.address, work, columns, 0.0, 0.0, 0.0, state, target, FIND_CORNERS)
 
 
 @uncounted
 def span_to_corner(place, span, h, model, work, columns):
-    """Span up to the first corner of the rates, or all of it; the work holds the end of that.
+    """Move up to the first corner of the rates, or over the whole span; return the span.
 
-    It ends just before the corner, and the next span just behind: each of the others then has the
-    slopes of one side in all its stages.
+    The span ends just before the corner, and a short span crosses the corner. All other spans then
+    have the slopes of one side in all their stages.
     """
     x, end = model.x, model.step
     before = model.corners
@@ -303,7 +303,7 @@ def span_to_corner(place, span, h, model, work, columns):
 
 @uncounted
 def cross_interval(h, substeps, model, work, columns):
-    """Bring the state and its derivatives over one sampling interval, in place."""
+    """Advance the state and its derivatives over one sampling interval, in place."""
     x, end = model.x, model.step
     place, events, turns = 0.0, 0, 0
     while place < 1.0 - NEAR:

@@ -1,4 +1,4 @@
-"""The motion of a model under a recorded input.
+"""Free run of a model under a recorded input.
 
 All models share this kernel, which calls a model's right-hand side by its address.
 """
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from flexid.kernels.templates.run_status import *
     from flexid.kernels.templates.runge_kutta import *
 
-# The address of the model, the input at the start of an interval and its change over it,
-# coefficients, constants, and room for the input within.
+# Address of the model, input at the start of an interval and its change over the interval,
+# coefficients, constants, and an array for the input within the interval.
 Motion = namedtuple("Motion", "address start change p c u")
 
 
 @inlined
 def rates_at(x, place, motion, rate):
-    """Rates of x at a place within the interval."""
+    """Compute the rates of x at a place from 0 to 1 within the interval."""
     for j in range(motion.u.shape[0]):
         motion.u[j] = motion.start[j] + place * motion.change[j]
     call(motion.address, x, motion.u, motion.p, motion.c, rate)
@@ -29,7 +29,7 @@ def rates_at(x, place, motion, rate):
 
 @inlined
 def recall(x, start, motion):
-    """Leave memories as their rates make them."""
+    """Do nothing: memories follow from their rates."""
 
 
 @njit(**equations)
@@ -37,7 +37,7 @@ def free_run(address, x0, u, p, c, h, held, substeps, out):
     """Integrate the model under its inputs, in steps of h / substeps seconds.
 
     Between samples the input is held or interpolated linearly.
-    Returns the number of samples written: fewer than asked for if the motion diverged.
+    Return the number of samples written, which is smaller than u's if the motion diverged.
     """
     n_states, n_inputs = x0.shape[0], u.shape[1]
     x, end = x0.copy(), np.empty(n_states)

@@ -1,5 +1,5 @@
-# What `flexid.derivation` prints ahead of the templates, for whoever checks types. A kernel has
-# only some of it; tests/kernels/test_store.py compares the arguments.
+# Signatures of the functions that `flexid.derivation` prints, for type checks of the templates. A
+# kernel has only some of them; tests/kernels/test_store.py compares the arguments.
 
 from collections.abc import Callable
 from typing import Any
@@ -27,7 +27,7 @@ STATE_SIZE: int
 TRACKED: int
 WIDTH: int
 
-# Of a model.
+# Functions of a model.
 def regressors(_x: _Array, _u: _Array, _c: _Array, _r: _Array, _k: _Array) -> None: ...
 def state_rates(
     _x: _Array, _u: _Array, _m: _Array, _p: _Array, _c: _Array, _dx: _Array
@@ -61,11 +61,11 @@ def vary(
     _free: _Array,
 ) -> None: ...
 
-# Of the template that follows `runge_kutta`.
+# Functions of the template that follows `runge_kutta`.
 rates_at: Callable[[_Array, float, Any, _Array], None]
 recall: Callable[[_Array, _Array, Any], None]
 
-# Of a closed loop.
+# Functions of a closed loop.
 def outputs(_t: float, _z: _Array, _p: _Array, _y: _Array) -> None: ...
 def rates(_t: float, _z: _Array, _p: _Array, _dz: _Array) -> None: ...
 def rates_and_jacobian(
@@ -74,7 +74,7 @@ def rates_and_jacobian(
 def lane_rates(_w: _Array) -> None: ...
 def lane_rates_and_outputs(_w: _Array) -> None: ...
 
-# Of the observer and the loop that are run sample by sample, on tuples.
+# Functions of the observer and the loop that run sample by sample, on tuples.
 def advance(
     _state: _Numbers, _sample: _Numbers, _settings: _Numbers
 ) -> tuple[_Numbers, _Numbers]: ...

@@ -1,4 +1,4 @@
-"""Recursive least squares whose covariance comes from the scores of blocks; for all models."""
+"""Recursive least squares with a covariance from the scores of blocks; for all models."""
 
 from itertools import pairwise
 from math import sqrt
@@ -13,24 +13,24 @@ if TYPE_CHECKING:
     from flexid.kernels.templates.status import *
 
 
-N_BLOCKS = 40  # that are kept for the standard deviations
+N_BLOCKS = 40  # largest number of blocks kept for the standard deviations
 N_COUNTS = 6
-# Places in the counts; the first three are those of `store_block`.
+# Indices in the counts; `store_block` uses the first three.
 BLOCKS, CLOCK, BLOCK_LENGTH, SPAN, AGE, PAST_GONE = range(N_COUNTS)
 
 RIDGE = 1e-9  # of the matrix scaled to a unit diagonal: less is lost in rounding
-LEAST_TOLERANCE = 1e-5  # part of a regressor that the others must leave over
-LEAST_INFORMATION = 1e-4  # part of the largest of a coefficient that is never forgotten
-LEAST_EXPLAINED = 0.5  # part of a left-hand side; of filtered noise it is a hundredth
-LEAST_PIVOT = 1e-12  # of a diagonal: what elimination leaves below is the rounding of what it took
+LEAST_TOLERANCE = 1e-5  # smallest part of a regressor that others do not explain
+LEAST_INFORMATION = 1e-4  # fraction of a coefficient's largest information, never forgotten
+LEAST_EXPLAINED = 0.5  # smallest explained part of a left-hand side; of noise it is a hundredth
+LEAST_PIVOT = 1e-12  # fraction of a diagonal: smaller pivots after elimination are rounding errors
 
 
 def sizes(address, starts, n_inputs, n_constants, half):
-    """Sizes of a model whose rows' coefficients begin at `starts`, and the places in its state.
+    """Return sizes of a model, its rows' coefficients from `starts` on, and its state's layout.
 
-    First come the estimates, the counts, and of each row the power of its left-hand side and what
-    the filter remembers; then normal equations, a matrix per row and then a vector per row: of all
-    samples, of the current block, of the blocks before; last what the rows are made from.
+    A state contains the estimates, the counts, the power of each row's left-hand side and the
+    filter's past; then normal equations, a matrix per row and then a vector per row, of all
+    samples, of the current block and of the blocks before; last the data that make the rows.
     """
     n_rows, n_coefficients = len(starts) - 1, starts[-1]
     n_signals = n_coefficients + n_rows
@@ -56,7 +56,7 @@ def scaled_factor(matrix, n, width, scale, factor):
                 total = 1.0 + RIDGE
             for k in range(j):
                 total -= factor[i * width + k] * factor[j * width + k]
-            # Less than the ridge is left only where rounding has made a square negative.
+            # Only rounding errors can make the rest smaller than the ridge.
             root = i == j
             factor[i * width + j] = (
                 sqrt(max(total, RIDGE)) if root else total / factor[j * width + j]
@@ -65,9 +65,9 @@ def scaled_factor(matrix, n, width, scale, factor):
 
 @rounded
 def least_tolerance(factor, n, wanted, width, work):
-    """Least of the first `wanted` entries of one over the diagonal of the inverse.
+    """Smallest of the first `wanted` entries of one over the diagonal of the inverse.
 
-    For a unit diagonal: the part of each regressor's square that the others do not explain.
+    For a unit diagonal an entry is the part of a regressor's square that others do not explain.
     """
     least = 1.0
     for i in range(wanted):
@@ -84,7 +84,7 @@ def least_tolerance(factor, n, wanted, width, work):
 
 @rounded
 def forget_unknown(matrix, vector, i, width):
-    """Leave nothing of one unknown in the normal equations."""
+    """Set all entries of one unknown in the normal equations to zero."""
     vector[i] = 0.0
     for j in range(width):
         matrix[i * width + j] = 0.0
@@ -93,7 +93,7 @@ def forget_unknown(matrix, vector, i, width):
 
 @rounded
 def eliminate_past(matrix, vector, n, width, least):
-    """Take the unknown past out of the normal equations; return what it explained."""
+    """Eliminate the unknown past from the normal equations; return the square that it explained."""
     explained = 0.0
     for i in range(n):
         least[i] = LEAST_PIVOT * matrix[i * width + i]
@@ -115,7 +115,7 @@ def eliminate_past(matrix, vector, n, width, least):
 
 @rounded
 def places(first, j, model):
-    """Where the matrix and the vector of row j are, of the equations at a place."""
+    """Indices of the matrix and the vector of row j in normal equations that start at `first`."""
     width = model.width
     return first + j * width * width, first + (model.n_rows * width + j) * width
 
@@ -139,22 +139,22 @@ def forget_past(state, model, starts, work):
 
 @rounded
 def store_block(counts, ends, lengths, blocks, block, length, forgetting, longest):
-    """Keep the normal equations of one more block; make room first if there is none.
+    """Store the normal equations of one more block, after merging old blocks if there is no room.
 
     counts      blocks kept, samples so far, wanted length of a block in samples
     ends        count of samples at the end of each block
     lengths     samples in each block
-    blocks      all numbers of the blocks' normal equations, block after block
-    block       those of the new one, of the given length
-    forgetting  factor of the weight from sample to sample
-    longest     length up to which blocks may grow
+    blocks      normal equations of all blocks, block after block
+    block       normal equations of the new block, which has the given length
+    forgetting  factor on weights per sample
+    longest     largest length of a block
     """
     kept, size = int(counts[0]), block.shape[0]
     if kept == ends.shape[0]:
-        if 2.0 * counts[2] <= longest:  # all in pairs; from now on blocks are twice as long
+        if 2.0 * counts[2] <= longest:  # merge all in pairs; new blocks are twice as long
             counts[2] *= 2.0
             pairs = kept // 2
-        else:  # the two oldest, which are next to forgotten
+        else:  # merge the two oldest blocks, which have little weight left
             pairs = 1
         for b in range(kept - pairs):
             fading = 0.0
@@ -177,7 +177,7 @@ def store_block(counts, ends, lengths, blocks, block, length, forgetting, longes
 
 @rounded
 def close_block(state, settings, model):
-    """Keep the current block for the covariance and begin another."""
+    """Store the current block for the covariance and begin another."""
     counts = part(state, model.counts, N_COUNTS)
     size = model.ends - model.own
     own = part(state, model.own, size)
@@ -198,7 +198,7 @@ def close_block(state, settings, model):
 
 @rounded
 def break_off(state, settings, model, starts, work):
-    """A sample is missing: the next one begins a new recording; nothing that was learnt is lost."""
+    """End a recording at a missing sample; the estimates stay unchanged."""
     counts = part(state, model.counts, N_COUNTS)
     if counts[SPAN] > 0.0:
         if counts[PAST_GONE] == 0.0:
@@ -212,7 +212,7 @@ def break_off(state, settings, model, starts, work):
 
 @rounded
 def accumulate(matrix, vector, fading, m, width, regressor, target):
-    """Let normal equations fade, and add one equation to them."""
+    """Multiply normal equations by the fading factor, and add one equation to them."""
     for i in range(m):
         for k in range(m):
             product = regressor[i] * regressor[k]
@@ -222,10 +222,10 @@ def accumulate(matrix, vector, fading, m, width, regressor, target):
 
 @rounded
 def solve(matrix, vector, m, width, unknowns, room):
-    """Go on to where the normal equations hold, up to the ridge."""
+    """Update the unknowns to solve the normal equations, up to the ridge."""
     scale, step, factor = room
     scaled_factor(matrix, m, width, scale, factor)
-    # The ridge holds directions that the data leave open; the others are right after a few samples.
+    # The ridge fixes undetermined directions; the others are exact after a few samples.
     for i in range(m):
         total = vector[i]
         for k in range(m):
@@ -244,7 +244,7 @@ def solve(matrix, vector, m, width, unknowns, room):
 
 @rounded
 def update_row(j, start, n, m, state, settings, target, model, room):
-    """One row's equation; returns innovation and whether its coefficients are determined."""
+    """Add one row's equation; return the innovation and whether its coefficients are determined."""
     regressor, unknowns, scale, step, factor = room
     width, fading = model.width, settings[FORGETTING]
     matrix_at, vector_at = places(model.equations, j, model)
@@ -258,7 +258,7 @@ def update_row(j, start, n, m, state, settings, target, model, room):
     matrix_at, vector_at = places(model.own, j, model)
     own_matrix, own_vector = part(state, matrix_at, width * width), part(state, vector_at, width)
     accumulate(own_matrix, own_vector, fading, m, width, regressor, target)
-    for i in range(n):  # information that is not forgotten, drawn to where the estimate is
+    for i in range(n):  # information that is never forgotten, centred on the estimate
         peak = max(state[model.peaks + start + i], matrix[i * width + i])
         state[model.peaks + start + i] = peak
         kept = (1.0 - fading) * LEAST_INFORMATION * peak
@@ -285,7 +285,7 @@ def update_row(j, start, n, m, state, settings, target, model, room):
 
 @rounded
 def take(state, sample, settings, info, model, starts, room):
-    """Take in one sample: the state changes in place, info receives innovations and a status."""
+    """Process one sample: update the state in place, write innovations and a status to info."""
     for_rows, for_law = room
     regressor, work = for_law[0], for_law[1]
     signals = for_rows[3]
@@ -329,7 +329,7 @@ def take(state, sample, settings, info, model, starts, room):
 
 @njit(**allocating)
 def room_for_samples(model):
-    """Arrays to work in: for the rows a state and signals, for the law vectors and a factor."""
+    """Work arrays: a state and signals for the rows, vectors and a factor for the update."""
     n_signals, width = model.n_coefficients + model.n_rows, model.width
     for_rows = (
         np.empty(2 * model.n_rows),
@@ -349,7 +349,7 @@ def room_for_samples(model):
 
 @njit(**equations)
 def step(state, sample, settings, layout, starts):
-    """New state and info after one sample; the old state is left as it is."""
+    """Return the new state and info after one sample; the old state is unchanged."""
     model = Sizes(*layout)
     new = state.copy()
     info = np.empty(model.n_rows + 1)
@@ -359,7 +359,7 @@ def step(state, sample, settings, layout, starts):
 
 @njit(**equations, nogil=True)
 def replay(state, samples, settings, layout, starts, coefficients, infos):
-    """The same step over all samples; fills the history and returns the last state."""
+    """Step over all samples; fill the history and return the last state."""
     model = Sizes(*layout)
     room = room_for_samples(model)
     current = state.copy()

@@ -1,9 +1,9 @@
 """Rows of the regression, sample by sample, from filtered positions.
 
-Signals of a model are its regressors, row by row, and then the known part of each row. The model's
-own function computes them from a state and inputs, without the terms that are linear in velocities;
-the factors of those are in the settings. All models share this kernel, which calls that function by
-its address.
+Signals of a model are its regressors, row by row, and then the known part of each row. A function
+of the model computes them from a state and inputs, without the terms that are linear in velocities;
+the factors of these terms are in the settings. All models share this kernel, which calls the
+model's function by its address.
 """
 
 from collections import namedtuple
@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from flexid.kernels.templates.compiled import *
 
-# Places in the settings: of the law, then of the rows. Half a window is the samples on either side
-# that a velocity estimate looks at: 0 where none is needed. After them come the model's constants,
-# the factor of each row's velocity in each signal, and which signals depend on an input.
+# Indices in the settings: of the update, then of the rows. Half a window is the number of samples
+# on either side that an estimated velocity uses, or 0 without velocities. Then come constants, the
+# factor of each row's velocity in each signal, and whether each signal depends on an input.
 FORGETTING, LONGEST_BLOCK, MEMORY, FEWEST = range(4)
 SAMPLE_TIME, ZERO_ORDER, POLE, HALF_WINDOW, CONSTANTS = range(4, 9)
 
-N_PAST = 2  # sequences of which the filter's memory of earlier times consists
+N_PAST = 2  # number of sequences that make up the filter's response to its initial state
 
-# A model: the address of its signals, its sizes, and what lies where in the state; see `sizes`.
+# A model: the address of its signals, its sizes, and the layout of the state; see `sizes`.
 Sizes = namedtuple(
     "Sizes",
     "address n_rows n_inputs n_coefficients n_constants width "
@@ -37,7 +37,7 @@ def is_held(signal, settings, model):
 
 @rounded
 def past(memory, settings, regressor, first):
-    """What the filter may remember of the time before it started, at its latest row: z^i, i z^i."""
+    """Fill in the filter's responses to its initial state at the latest row i: z^i and i z^i."""
     rows = memory[0] - (2.0 * settings[HALF_WINDOW] + 3.0)
     decayed = settings[POLE] ** rows
     regressor[first] = decayed
@@ -46,7 +46,7 @@ def past(memory, settings, regressor, first):
 
 @rounded
 def middle_of_window(memory, settings, model, x):
-    """Positions in the middle of the window, and the slopes of straight lines fitted about it."""
+    """Set x to positions in the middle of the window, and slopes of straight lines around them."""
     h, half = settings[SAMPLE_TIME], int(settings[HALF_WINDOW])
     size = model.n_rows + model.n_inputs
     middle = 1 + (half + 2) * size
@@ -63,10 +63,10 @@ def middle_of_window(memory, settings, model, x):
 
 @rounded
 def next_row(memory, sample, settings, model, room):
-    """Take in one sample; return whether there is a row: regressors, then left-hand sides.
+    """Process one sample; return whether there is a row: regressors, then left-hand sides.
 
-    It is that of `filtered_least_squares`, sample by sample. Positions and inputs lag by half a
-    window, so that velocities can be slopes about them.
+    Rows equal those of `filtered_least_squares`. Positions and inputs lag by half a window, because
+    velocities are slopes around them.
     """
     memory[0] += 1.0
     x, now, end_now, signals = room
@@ -74,7 +74,7 @@ def next_row(memory, sample, settings, model, room):
     n_signals = model.n_coefficients + n_rows
     zero_order, pole = settings[ZERO_ORDER] != 0.0, settings[POLE]
     half = int(settings[HALF_WINDOW])
-    width = 2 * half + 3  # samples that are kept: a second difference at the middle one
+    width = 2 * half + 3  # number of samples kept: a second difference at the middle sample
     for i in range(1, 1 + (width - 1) * size):
         memory[i] = memory[i + size]
     for j in range(size):

@@ -1,10 +1,10 @@
-"""A model's motion within one sampling interval, and its derivatives, for `segments` to call.
+"""Motion of a model within one sampling interval, and its derivatives, for the kernel `segments`.
 
-That kernel is the same for all models. It calls the functions of a model by their addresses, all
-with the same arguments: two arrays, numbers, and two places in the array `work`.
+That kernel is the same for all models. It calls a model's functions by their addresses, all with
+the same arguments: two arrays, numbers, and two indices in the array `work`.
 
-Row `row` sticks while its mode is 0: its velocity, that of rest, then does not change, nor do its
-derivatives.
+Row `row` sticks while its mode is 0. Its velocity, which is zero, and the derivatives of its
+velocity then do not change.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -18,40 +18,40 @@ if TYPE_CHECKING:
 
 N_EQUATIONS = N_ROWS + N_MEMORIES
 
-# What lies where in the array `work`. First the derivatives of the state, in columns, and what they
-# follow from at each of four stages: derivatives of the rates by the state and by the rest, and of
-# what a memory keeps. Then the derivatives of each row's disturbance, in the same columns.
+# Layout of the array `work`. First the derivatives of the state, in columns. Next, at each of four
+# stages, the derivatives from which these follow: of the rates by the state and by the rest, and of
+# memories. Then the derivatives of each row's disturbance, in the same columns.
 Z = 0
 BY_REST = Z + N_STATES * WIDTH
 KEPT_BY_REST = BY_REST + 4 * N_EQUATIONS * WIDTH
 DISTURBED = KEPT_BY_REST + 4 * N_MEMORIES * WIDTH
 BY_STATE = DISTURBED + N_ROWS * WIDTH
 KEPT_BY_STATE = BY_STATE + 4 * N_EQUATIONS * N_STATES
-# The state; the end of a step from it, the last rates and the four stages; and the same of a step
-# by which an event is located.
+# The state; the end of a step, its last rates and its four stages; and the same three of a trial
+# step that locates an event.
 X = KEPT_BY_STATE + 4 * N_MEMORIES * N_STATES
 STEP = X + N_STATES
 ALONE = STEP + 6 * N_STATES
-# Of each input its start and its change over the interval, and the derivatives of both by the
-# delay; the inputs and their derivatives at a place.
+# For each input its start and change over the interval, and the derivatives of both by the delay;
+# the inputs and their derivatives at a place.
 DRIVE = ALONE + 6 * N_STATES
 INPUTS = DRIVE + 4 * N_INPUTS
 INPUT_SLOPES = INPUTS + N_INPUTS
-# Of each row its mode, whether it can stick, and a disturbance, which is an acceleration.
+# For each row its mode, whether it can stick, and a disturbance, which is an acceleration.
 MODES = INPUT_SLOPES + N_INPUTS
 DRY_ROWS = MODES + N_ROWS
 DISTURBANCE = DRY_ROWS + N_ROWS
 COEFFICIENTS = DISTURBANCE + N_ROWS
 CONSTANTS = COEFFICIENTS + N_COEFFICIENTS
-CORNERS = CONSTANTS + N_CONSTANTS  # what is zero at each corner, at two places
-FREE = CORNERS + 2 * N_CORNERS  # 0 of each row that sticks, else 1
+CORNERS = CONSTANTS + N_CONSTANTS  # function that is zero at each corner, at two places
+FREE = CORNERS + 2 * N_CORNERS  # 0 for each row that sticks, else 1
 WORK_SIZE = FREE + N_ROWS
 
-# In the array `columns`: how many columns are in use, that of the state included; the column of the
-# delay of the inputs; whether a row may stick; and the column of each coefficient.
+# Layout of the array `columns`: number of columns in use, with the column of the state; column of
+# the delay of the inputs; whether a row may stick; and the column of each coefficient.
 IN_USE, DELAY, ARE_DRY, AT = range(4)
 
-# What to do.
+# Tasks of `run`.
 STEP_STATE, CARRY, RATES, LINEARISE, FIND_CORNERS = range(5)
 
 SIZES = (N_STATES, N_ROWS, N_INPUTS, N_COEFFICIENTS, N_CONSTANTS, N_CORNERS, N_EQUATIONS, WIDTH)
@@ -61,7 +61,7 @@ PLACES += (MODES, DRY_ROWS, DISTURBANCE, COEFFICIENTS, CONSTANTS, CORNERS, WORK_
 
 @inlined
 def rates_at(x, place, work, rate):
-    """Rates of x at a place within the interval."""
+    """Compute the rates of x at a place from 0 to 1 within the interval."""
     u = part(work, INPUTS, N_INPUTS)
     for j in range(N_INPUTS):
         u[j] = work[DRIVE + 4 * j] + place * work[DRIVE + 4 * j + 1]
@@ -76,14 +76,14 @@ def rates_at(x, place, work, rate):
 
 @inlined
 def recall(x, start, work):
-    """Set the memories of x to what its path since the start of a step makes of them."""
+    """Compute the memories of x from its path since the start of a step."""
     if N_MEMORIES:
         remember(x, start, part(work, COEFFICIENTS, N_COEFFICIENTS))
 
 
 @uncounted
 def slopes_at(x, place, stage, work, columns):
-    """Derivatives of the rates at a place within the interval."""
+    """Compute the derivatives of the rates at a place from 0 to 1 within the interval."""
     u = part(work, INPUTS, N_INPUTS)
     du = part(work, INPUT_SLOPES, N_INPUTS)
     for j in range(N_INPUTS):
@@ -108,7 +108,7 @@ def slopes_at(x, place, stage, work, columns):
 
 @uncounted
 def step(work, place, span, h):
-    """Bring the state over a span of an interval of h seconds."""
+    """Integrate from the state over a span, a fraction of an interval of h seconds."""
     room = (
         part(work, STEP, N_STATES),
         part(work, STEP + N_STATES, N_STATES),
@@ -119,7 +119,7 @@ def step(work, place, span, h):
 
 @uncounted
 def carry(work, columns, place, span, h):
-    """Bring the derivatives over the last step."""
+    """Advance the derivatives over the last step."""
     x, end = part(work, X, N_STATES), part(work, STEP, N_STATES)
     stages = STEP + 2 * N_STATES
     p, at = part(work, COEFFICIENTS, N_COEFFICIENTS), part(columns, AT, N_COEFFICIENTS)
@@ -142,7 +142,7 @@ def carry(work, columns, place, span, h):
 
 
 def _run(work, columns, place, span, h, source, target, what):
-    """Do what the kernel `segments` asks for; one function, since each costs time to compile."""
+    """Do a task of the kernel `segments`; one function, since each costs time to compile."""
     if what == STEP_STATE:
         step(work, place, span, h)
     elif what == CARRY:
@@ -168,5 +168,5 @@ run: Any = cfunc(types.void(_numbers, _places, *[types.float64] * 3, *[types.int
     _run
 )
 
-# As the kernel `segments` takes a model.
+# The model as an argument of the kernel `segments`.
 MODEL = (run.address, *SIZES, *PLACES)

@@ -1,4 +1,4 @@
-"""Motion over segments with its derivatives, and the normal equations of its residuals."""
+"""Motion over segments with its derivatives, and the normal equations of the residuals."""
 
 from typing import TYPE_CHECKING
 
@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     from flexid.kernels.templates.run_status import *
 
 
-AT_MOST = 1.5  # of a direction, which the low-pass may bring beyond 1; more says that a row rests
+AT_MOST = 1.5  # largest direction: a low-pass may overshoot 1; larger values mark a resting row
 
 
 @njit(**equations)
 def linearise(states, inputs, coefficients, constants, address, found):
-    """Derivatives of the rates of velocities and memories by the states, about each state."""
+    """Compute the derivatives, by the states, of the rates of velocities and memories."""
     model = Model(*address)
     columns = np.zeros(AT + model.n_coefficients, np.int64)
     work = np.zeros(model.work_size)
@@ -36,19 +36,19 @@ def linearise(states, inputs, coefficients, constants, address, found):
 
 @inlined
 def speed_of(state, reference, model, work):
-    """Velocity of what an output measures, as far as it may be late; see `segment_equations`."""
+    """Velocity of the delayed part of an output; see `segment_equations`."""
     speed = work[model.x + state + 1]
     if reference >= 0:
         speed -= work[model.x + reference + 1]
     elif reference < -1:
-        following = model.drive + 4 * (-1 - reference)  # the input after it, which is its velocity
+        following = model.drive + 4 * (-1 - reference)  # the next input, which is the velocity
         speed -= work[following]
     return speed
 
 
 @uncounted
 def add_residuals(errors, rows, whitening, mixed, normal, gradient):
-    """Add a sample's residuals to the lower half of a block's normal equations; their cost."""
+    """Add a sample to the lower half of a block's normal equations; return its cost."""
     cost = 0.0
     for b in range(errors.shape[0]):
         clear(0, mixed.shape[0], mixed)
@@ -69,7 +69,7 @@ def add_residuals(errors, rows, whitening, mixed, normal, gradient):
 
 @uncounted
 def correct(errors, rows, gains, model, work, columns):
-    """Correct a predicted state and the disturbances by what was measured, as an observer does."""
+    """Correct a predicted state and the disturbances by an observer's gains times the errors."""
     gain, disturbance_gain, decay = gains
     x, z, width, n = model.x, model.z, model.width, columns[IN_USE]
     for row in range(model.n_rows):
@@ -94,7 +94,7 @@ def correct(errors, rows, gains, model, work, columns):
 
 @uncounted
 def set_drive(drive, model, work):
-    """Let the inputs be those over one interval."""
+    """Set the inputs over one interval."""
     for j in range(model.n_inputs):
         for i in range(4):
             work[model.drive + 4 * j + i] = drive[j, i]
@@ -102,14 +102,14 @@ def set_drive(drive, model, work):
 
 @uncounted
 def put(values, place, work):
-    """Copy numbers into `work`, or another array."""
+    """Copy numbers into `work`, or into another array."""
     for i in range(values.shape[0]):
         work[place + i] = values[i]
 
 
 @uncounted
 def start_segment(start, coefficients, model, work):
-    """Begin at a state, with the derivatives that it has by itself."""
+    """Start at a state, with unit derivatives by the state itself."""
     put(start, model.x, work)
     put(coefficients, model.coefficients, work)
     for row in range(model.n_rows):
@@ -119,7 +119,7 @@ def start_segment(start, coefficients, model, work):
 
 @uncounted
 def set_modes(dry, directed, trace, h, model, work, columns):
-    """Mode of each row; none sticks where an observer directs friction."""
+    """Set the mode of each row; no row sticks if an observer directs friction."""
     columns[ARE_DRY] = 0
     for row in range(model.n_rows):
         sticks = dry[row] and not directed
@@ -130,7 +130,7 @@ def set_modes(dry, directed, trace, h, model, work, columns):
 
 @uncounted
 def set_directions(directions, model, work):
-    """Modes over an interval, as an observer knows them; a row that rests follows its sensor."""
+    """Set the modes over an interval to an observer's directions; a resting row has mode 0."""
     for row in range(model.n_rows):
         rests = directions[row] > AT_MOST
         work[model.dry + row] = 1.0 if rests else 0.0
@@ -139,7 +139,7 @@ def set_directions(directions, model, work):
 
 @uncounted
 def omit_resting(errors, rows, model, work):
-    """Nothing is learnt from the position of a row that rests: its friction may be any."""
+    """Ignore the position of a resting row, whose friction is unknown."""
     for a in range(errors.shape[0]):
         if work[model.dry + a] != 0.0:
             errors[a] = 0.0
@@ -148,7 +148,7 @@ def omit_resting(errors, rows, model, work):
 
 @uncounted
 def follow_sensors(outputs, speeds, late_columns, k, last, h, model, work):
-    """Let a row that rests be where it was measured, at the velocity that was measured."""
+    """Set a resting row to the measured position and velocity."""
     before, after = k - 1, min(k + 1, last)
     span = (after - before) * h
     for a in range(outputs.shape[1]):
@@ -158,7 +158,7 @@ def follow_sensors(outputs, speeds, late_columns, k, last, h, model, work):
             work[model.x + state + 1] = (outputs[after, a] - outputs[before, a]) / span
             position = model.z + state * model.width
             clear(position, 2 * model.width, work)
-            if late_columns[a] >= 0:  # where it was measured depends on how late that was
+            if late_columns[a] >= 0:  # the measured position depends on the delay
                 column = position + 1 + late_columns[a]
                 work[column] = speeds[k, a]
                 work[column + model.width] = (speeds[after, a] - speeds[before, a]) / span
@@ -166,7 +166,7 @@ def follow_sensors(outputs, speeds, late_columns, k, last, h, model, work):
 
 @uncounted
 def fill_rows(rows, model, work, columns):
-    """What each output is by the model, and its derivatives."""
+    """Fill in each output of the model and its derivatives."""
     for a in range(rows.shape[0]):
         row, state = rows[a], 2 * a
         clear(0, row.shape[0], row)
@@ -177,33 +177,33 @@ def fill_rows(rows, model, work, columns):
 
 @njit(**equations, nogil=True)
 def segment_equations(part, segments, sensors, motion, substeps, trace, columns, results, address):
-    """Normal equations of every block for its segment's initial state and what is sought.
+    """Assemble each block's normal equations for the initial state and the unknowns.
 
-    part      the first segment, and the one that is no longer taken: threads that have different
-              ones do not meet
-    segments  first sample, number of samples, first block and sample time of each, and its initial
-              state; segment s is made up of the blocks first_blocks[s] to first_blocks[s + 1] - 1,
+    part      first segment, and the end of the range of segments; threads have disjoint ranges
+    segments  first sample, number of samples, first block, sample time and initial state of each
+              segment. Segment s consists of the blocks first_blocks[s] to first_blocks[s + 1] - 1,
               all of about the same length
-    sensors   outputs as they were on time, shape (n, n_rows), and of each column a, which is the
-              position of row a, less the state reference[a], if that is not -1, or less the input
-              -2 - reference[a], if that is below, of which the next input is the velocity, as far
-              as delays go; the place of its delay among what is sought (-1: not sought), for each
-              segment the lower triangle that whitens the outputs' noise, and, where an observer
-              follows the outputs, their rates: a bare motion has the model's, without noise
-    motion    drives[k], of each input over the interval from sample k on its start and its change,
-              and the derivatives of both by the delay; coefficients of each segment; constants;
-              which rows can stick; and the observer: for each segment the gains of the states and
-              of the disturbances, one column for each output, or none, and what an interval leaves
-              of a disturbance; the direction of each row's friction over the interval from
-              each sample on, or more than `AT_MOST` of a row that rests, or none where it follows
-              from the motion; and after how many samples of a segment the model runs alone
-    trace     of each row the standard deviation of its position's noise
-    columns   which columns of derivatives are in use, for what; see the template ``model``
-    results   filled, all zero before: lower halves of normal equations, shape (n_blocks, n, n),
-              their right-hand sides, shape (n_blocks, n), residuals, shape of the outputs, and the
-              weighted sum of squares of each segment: infinite, and then the last one, if its
-              motion diverged. If n is 0, the motion runs without derivatives
-    address   of the model, and what lies where in its work: `Model`
+    sensors   outputs without delays, shape (n, n_rows): column a is the position of row a;
+              reference of each output, for its delay: -1 without a reference, else the index of a
+              state, or, below -1, the input -2 - reference[a], and the next input is its velocity;
+              index of each output's delay among the unknowns, or -1 if the delay is known; lower
+              triangle of each segment that whitens the outputs' noise; rates of the outputs, used
+              if an observer follows the outputs. Without an observer the model gives the rates,
+              free of noise
+    motion    drives[k]: start and change of each input over the interval after sample k, and the
+              derivatives of both by the delay; coefficients of each segment; constants; mask of the
+              rows that can stick; and the observer: gains of the states and of the disturbances for
+              each segment, one column per output, or no columns; factor on a disturbance per
+              interval; direction of each row's friction over the interval after each sample, or
+              more than `AT_MOST` for a resting row, or no directions if they follow from the
+              motion; number of samples of a segment after which the model runs freely
+    trace     standard deviation of the noise of each row's position
+    columns   columns of derivatives in use; see the template ``model``
+    results   arrays to fill, all zero before: lower halves of normal equations, (n_blocks, n, n),
+              right-hand sides, (n_blocks, n), residuals, shape of the outputs, and the weighted sum
+              of squares of each segment. It is infinite if the motion diverged, and the range ends
+              there. If n is 0, the motion runs without derivatives
+    address   address of the model and layout of its work: `Model`
     """
     starts, lengths, first_blocks, sample_times, initial_states = segments
     outputs, reference, late_columns, whitening, speeds = sensors
@@ -226,9 +226,9 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
         set_modes(dry, directed, trace, h, model, work, columns)
         for k in range(first, first + lengths[s]):
             alone = k - first >= corrected[s]
-            if k > first:  # the inputs are still those from the sample before on
+            if k > first:  # the inputs are still set to the interval before
                 if directed and alone:
-                    directed = not alone  # a literal would be compiled for itself
+                    directed = not alone  # a literal False would be compiled separately
                     set_modes(dry, directed, trace, h, model, work, columns)
                 if directed:
                     set_directions(directions[k - 1], model, work)

@@ -1,4 +1,4 @@
-"""What became of a run, and how the functions are compiled that only compiled ones call."""
+"""Outcome of a run, and options to compile functions that only compiled code calls."""
 
 from typing import Any
 
@@ -11,4 +11,4 @@ STEP_TOO_SMALL = 2
 NOT_FINITE = 3
 DIVERGED = 4
 
-BOUND = 1e12  # size of a number beyond which a motion has diverged: an angle has lost its digits
+BOUND = 1e12  # magnitude beyond which a motion has diverged: an angle has lost its digits

@@ -1,9 +1,9 @@
-"""The classical Runge-Kutta step, for whatever rates a kernel has.
+"""Classical Runge-Kutta step.
 
-Another template gives ``rates_at(x, place, motion, rate)``, which fills `rate` with the rates of
-the state x at a place within the sampling interval: 0 at its start, 1 at its end. What it needs
-beyond that is `motion`. And it gives ``recall(x, start, motion)``, which may set states
-of x that follow from the path since the start of the step.
+Another template defines ``rates_at(x, place, motion, rate)``, which fills `rate` with the rates of
+the state x at a place within the sampling interval, from 0 at its start to 1 at its end. `motion`
+contains all other data of the model. That template also defines ``recall(x, start, motion)``, which
+may set states of x that follow from the path since the start of the step.
 """
 
 from typing import TYPE_CHECKING
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
 
 @inlined
 def node(stage):
-    """Where in a step a stage takes its rates."""
+    """Place of a stage within a step, from 0 to 1."""
     return 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
 
 
 @inlined
 def runge_kutta(x, place, span, h, motion, work):
-    """Bring x over a span of an interval of h seconds.
+    """Integrate from x over a span, a fraction of an interval of h seconds.
 
-    The work has room for the end, the latest rates, and the states of the four stages.
+    `work` has arrays for the end, the latest rates, and the states of the four stages.
     """
     end, rate, stages = work
     step, n = span * h, x.shape[0]

@@ -1,12 +1,12 @@
-"""Sine and cosine without a branch or a call, for loops that these would end or interrupt.
+"""Sine and cosine without branches or calls, so that loops stay fast.
 
-Over lanes they become vector instructions. In a loop over samples no call interrupts them, so that
-all other numbers stay in registers. Errors stay
-within 2 units in the last place for |x| < 1e6; beyond that they grow like the spacing of the
-numbers x themselves, which is all there is to know. From 4e15 on, where that spacing is a sixth of
-a turn, the values mean nothing and may be large. Reduction to [-pi/4, pi/4] after W. J. Cody and
-W. Waite, "Software Manual for the Elementary Functions" (1980); there Taylor's series, whose next
-terms are below 5e-17.
+In a loop over lanes they become vector instructions. In a loop over samples all other numbers stay
+in registers. Errors are within 2 units in the last place for |x| < 1e6. Beyond that they grow like
+the spacing of floating-point numbers at x. From 4e15 on, where this spacing is a sixth of a turn,
+the values are meaningless and may be large.
+
+Reduction to [-pi/4, pi/4] after W. J. Cody and W. Waite, "Software Manual for the Elementary
+Functions" (1980). There Taylor's series follows, whose next terms are below 5e-17.
 """
 
 from numba import njit
@@ -21,13 +21,13 @@ ROUND = 6755399441055744.0  # 1.5 * 2**52: added and taken away again, it rounds
 
 @njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def quarter(x):
-    """Sine and cosine of x less its nearest quarter turn, and that quarter: -2 ... 2."""
+    """Sine and cosine of x minus its nearest quarter turn, and the quarter's number, -2 ... 2."""
     turns = (x * 0.6366197723675814 + ROUND) - ROUND
     r = ((x - turns * HALF_PI_1) - turns * HALF_PI_2) - turns * HALF_PI_3
     s = r * r
     s2 = s * s
     s4 = s2 * s2
-    # Pairs of terms, and pairs of pairs, which need not wait for each other.
+    # Pairs of terms, and pairs of pairs, can be computed in parallel.
     sine = (-1.0 / 6.0 + s * (1.0 / 120.0)) + s2 * (-1.0 / 5040.0 + s * (1.0 / 362880.0))
     sine += s4 * ((-1.0 / 39916800.0 + s * (1.0 / 6227020800.0)) + s2 * (-1.0 / 1307674368000.0))
     cosine = (1.0 / 24.0 + s * (-1.0 / 720.0)) + s2 * (1.0 / 40320.0 + s * (-1.0 / 3628800.0))

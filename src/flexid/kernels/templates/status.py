@@ -1,9 +1,9 @@
-"""What became of a sample."""
+"""Outcome of a sample."""
 
 import numpy as np
 from numba import njit
 
-# What became of a sample; the last entry of its info. The values are those of `Status`.
+# Outcome of a sample, the last entry of its info, with the values of `Status`.
 USED = 0.0
 STARTING = 1.0
 REJECTED = 2.0
@@ -11,7 +11,7 @@ REJECTED = 2.0
 
 @njit(cache=True, error_model="numpy")
 def is_finite(sample):
-    """Whether a sample holds numbers only."""
+    """Whether all values of a sample are finite."""
     for value in sample:
         if not abs(value) < np.inf:
             return False
