@@ -1,4 +1,4 @@
-"""What an identification fits on its way, for tests to look at."""
+"""Fixture that collects the fits which an identification makes, for tests to inspect."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from flexid.identification.estimation.final_fits import FinalFits, final_fits
 
 @pytest.fixture
 def fits_seen(monkeypatch: pytest.MonkeyPatch) -> list[FinalFits]:
-    """Return the final fits of every identification that follows, in their order."""
+    """Return a list that collects the final fits of each later identification, in their order."""
     found: list[FinalFits] = []
 
     def watched(*given, **how):

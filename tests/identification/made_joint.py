@@ -1,7 +1,7 @@
-"""Logs of a flexible joint from the integrators of the trials, which are not flexid's, and fits.
+"""Logs of a flexible joint, simulated by the integrators of the trials, and fits to them.
 
-Whatever acts is given by the names of `Drive`; a smooth torque of many tones, encoders with white
-noise. A joint that disturbances push is a `Plant`.
+Friction, play and the like are fields of `Drive`. The torque is a sum of tones and the encoders
+have white noise. A joint under disturbances is a `Plant`.
 """
 
 from collections.abc import Mapping
@@ -47,7 +47,7 @@ TONES = np.array([0.7, 3.3, 5.3, 8.1, 12.0, 17.0, 21.0, 25.0, 31.0])  # rad/s
 AMPLITUDES = np.array([2.5, 3.0, 4.0, 4.0, 4.0, 4.0, 4.0, 6.0, 8.0])  # N m
 
 _TABLE_STEP = 1e-4  # s
-_LONGEST = 5e-4  # s, steps
+_LONGEST = 5e-4  # s, longest integration step
 
 
 def made(
@@ -60,10 +60,10 @@ def made(
     link_delay: float = 0.0,
     torque_noise: float = 0.0,
     size: float = 1.0,
-    torque: Any = None,  # N m, a function of time in place of tones
+    torque: Any = None,  # N m, a function of time that replaces the tones
     **more: float,
 ) -> Recording:
-    """One recording (rad, N m, s); no log has the torque's noise, and more are `Drive`'s fields."""
+    """Return a recording (rad, N m, s) without the torque's noise; `more` are fields of `Drive`."""
     rng = np.random.default_rng(seed)
     phases = rng.uniform(0.0, 2.0 * np.pi, len(TONES))
     times = SAMPLE_TIME * np.arange(1, round(duration / SAMPLE_TIME) + 1)
@@ -95,7 +95,7 @@ def made(
 def recording(
     times: np.ndarray, link: np.ndarray, motor: np.ndarray, inputs: np.ndarray, name: object = ""
 ) -> Recording:
-    """Samples under a torque in N m."""
+    """Return a recording with a torque in N m."""
     sample_time, start = float(times[1] - times[0]), float(times[0])
     return Recording(sample_time, start, link, motor, inputs, "N m", source=f"made {name}")
 
@@ -104,9 +104,9 @@ PUSHED = {"theta2": 150.0, "alpha1": 250.0, "alpha2": 1.5, "beta1": 5 / 3}
 """Coefficients of a drive that is disturbed; its resonance lies at 20 rad/s."""
 
 FINE_NOISE = 2e-5  # rad
-_INERTIA = 0.6  # kg m², of its motor; its link has 1
-_FINE_STEP = 5e-4  # s, from which a torque and disturbances run on straight lines
-_PUSHED_TONES = np.geomspace(1.0, 26.0, 15)  # rad/s, from before the resonance to beyond it
+_INERTIA = 0.6  # kg m², inertia of the motor; the link has 1
+_FINE_STEP = 5e-4  # s, step over which torque and disturbances are linear
+_PUSHED_TONES = np.geomspace(1.0, 26.0, 15)  # rad/s, from below the resonance to above it
 
 
 def pushed(
@@ -119,7 +119,7 @@ def pushed(
     motor_push: float = 0.0,
     **more: float,
 ) -> Recording:
-    """A drive with pushes (RMS, rad/s²), at 500 Hz or a part of it; more are `Plant`'s fields."""
+    """Return a disturbed drive (RMS pushes in rad/s²), sampled at 500 Hz / `every`."""
     rng = np.random.default_rng(seed)
     times = _FINE_STEP * np.arange(round(duration / _FINE_STEP))
     phases = rng.uniform(0.0, 2.0 * np.pi, len(_PUSHED_TONES))
@@ -140,7 +140,7 @@ def pushed(
 
 
 def stopping(seed: int, duration: float = 24.0) -> Recording:
-    """The same drive with dry friction, which a controller moves from stop to stop."""
+    """Return a log of that drive with dry friction; a controller moves it from stop to stop."""
     rng = np.random.default_rng(seed)
     times = SAMPLE_TIME * np.arange(1, round(duration / SAMPLE_TIME) + 1)
     course = np.zeros((len(times), 3))
@@ -159,7 +159,7 @@ def stopping(seed: int, duration: float = 24.0) -> Recording:
 
 
 def log(*recordings: Recording) -> Log:
-    """A log of these."""
+    """Return a log of these recordings."""
     return Log(recordings, (), recordings[0].source, recordings[0].source)
 
 
@@ -167,7 +167,7 @@ JOINT = flexible()
 
 
 def structure(*terms: str, hold: Hold = "cubic") -> Structure:
-    """The flexible joint with these terms alone, nothing sought of its timing."""
+    """Return the flexible joint with these terms alone, without unknown delays."""
     on = {coefficient for term in terms for coefficient in JOINT.terms[term]}
     return Structure(JOINT, frozenset(JOINT.optional - on), Timing(hold))
 
@@ -176,19 +176,19 @@ PAPER, WITHOUT = structure(*PAPER_TERMS), structure()
 
 
 def data(*recordings: Recording) -> Data:
-    """Recordings as a fit takes them, each of its own log."""
+    """Return recordings in the form that fits take, each as a log of its own."""
     with_speeds = [with_velocities(recording) for recording in recordings]
     return data_of(JOINT, with_speeds, range(len(recordings)))
 
 
 def seen(recording: Recording, link: np.ndarray, motor: np.ndarray) -> Recording:
-    """The same with other positions, that differ by so much."""
+    """Return the recording with these deviations added to its positions."""
     positions = recording.needed_link_position + link, recording.motor_position + motor
     return replace(recording, link_position=positions[0], motor_position=positions[1])
 
 
 def turned(recording: Recording, turns: int) -> Recording:
-    """The same motion that many turns further, where gravity is the same."""
+    """Return the recording shifted by whole turns, where gravity is the same."""
     away = np.full(len(recording), 2.0 * np.pi * turns)
     return seen(recording, away, away)
 
@@ -200,7 +200,7 @@ def posed(
     fixed: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
 ) -> tuple[Structure, Data]:
-    """The paper's model with more terms, of shapes that suit a recording or are given."""
+    """Return the paper's model with more terms, and the data; widths fit the data or are given."""
     own = data(recording)
     joint = JOINT.scaled(own.samples).with_widths(dict(widths or {}))
     absent = structure(*PAPER_TERMS, *terms).absent
@@ -208,19 +208,19 @@ def posed(
 
 
 def fitted(recording: Recording, *terms: str, **about: Any) -> Fitted:
-    """That model fitted over segments of a second."""
+    """Return that model, fitted over segments of one second."""
     return fit_to(*posed(recording, *terms, **about), COEFFICIENTS, 1.0)[0]
 
 
 def half_widths(estimate: Any) -> np.ndarray:
-    """Half the 95 % interval of each value of an estimate or a fit."""
+    """Return half the 95 % interval of each value of an estimate or a fit."""
     return t.ppf(0.975, np.array(estimate.degrees_of_freedom)) * estimate.deviations
 
 
 def made_fit(
     excess: float = 1.0, *, cost: float = 0.0, segments: Any = range(4), states: Any = None, **more
 ) -> Any:
-    """As much of a fit as a choice among fits asks for: of a joint with no optional term."""
+    """Return a stand-in for a fit without optional terms, with the fields that a choice reads."""
     minimum = SimpleNamespace(
         equations=SimpleNamespace(cost=cost), point=SimpleNamespace(initial_states=states)
     )
@@ -230,5 +230,5 @@ def made_fit(
 
 
 def over(segments: int, excess: float, structure: Structure = WITHOUT) -> Any:
-    """Such a fit over segments of 2 s divided by their number."""
+    """Return such a stand-in fit over this number of segments, 2 s in all."""
     return made_fit(excess, segments=range(segments), duration=2.0 / segments, structure=structure)

@@ -1,4 +1,4 @@
-"""The band of a joint: what a low-pass keeps and rejects, and how a log is thinned."""
+"""Band of a joint: low-pass filtering and thinning of a log."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ PERIOD = 2.0 * np.pi / RESONANCE
 
 
 def log_of(position: np.ndarray, rate: float, torque: np.ndarray | None = None) -> Data:
-    """A log of link and motor that move alike."""
+    """Return data whose link and motor move alike."""
     positions = np.column_stack((position, position))
     torque = np.zeros(len(position)) if torque is None else torque
     velocities = np.gradient(positions, 1.0 / rate, axis=0)
@@ -27,18 +27,18 @@ def log_of(position: np.ndarray, rate: float, torque: np.ndarray | None = None) 
 
 
 def sine(frequency: float, rate: float, duration: float = 20.0) -> np.ndarray:
-    """Of unit amplitude; frequency in rad/s."""
+    """Return a sine of unit amplitude; frequency in rad/s."""
     return np.sin(frequency * np.arange(round(duration * rate)) / rate)
 
 
 def middle(values: np.ndarray, share: float = 0.1) -> np.ndarray:
-    """All but both ends."""
+    """Return the values without both ends."""
     cut = int(share * len(values))
     return values[cut:-cut]
 
 
 def test_the_band_keeps_the_resonance_and_rejects_what_lies_above():
-    """Assert 0.5 % of a sine at the resonance, a hundredth of one above the new Nyquist rate."""
+    """Assert an error of 0.5 % at the resonance, and 1 % left above the new Nyquist frequency."""
     position = sine(RESONANCE, 1000.0)
     data = log_of(position, 1000.0, position)
     samples = replace(data.samples[0], velocities=np.column_stack((position, position)))
@@ -60,28 +60,28 @@ def test_the_band_keeps_the_resonance_and_rejects_what_lies_above():
 
 @pytest.mark.parametrize("rate", [250.0, 1000.0, 4000.0])
 def test_thinning_leaves_sixteen_samples_in_a_period(rate):
-    """Assert 16 samples per period of the resonance, less than one logged sample apart."""
+    """Assert at least 16 samples per period of the resonance, with the largest integer factor."""
     factor = band.thinning(log_of(sine(3.0, rate), rate), START)
     assert factor * 16.0 <= PERIOD * rate < (factor + 1) * 16.0
 
 
 def test_slow_and_short_logs_keep_enough_samples():
-    """Assert that a log with fewer samples per period stays, and that 200 samples are left."""
+    """Assert that a log with fewer samples per period is kept, and that 200 samples are left."""
     slow = log_of(sine(3.0, 40.0), 40.0)
     assert band.thinning(slow, START) == 1
     assert band.thinned(slow, 1, held=True) is slow
     assert band.thinning(log_of(sine(3.0, 1000.0, 2.0), 1000.0), {"theta2": 1.0}) == 10
-    # A short recording limits it by its own halves alone.
+    # A short recording limits the factor by its own halves alone.
     long, short = (log_of(sine(3.0, 1000.0, length), 1000.0) for length in (20.0, 0.4))
     both = replace(long, samples=(*long.samples, *short.samples))
     assert (band.thinning(long, {"theta2": 1.0}), band.thinning(both, {"theta2": 1.0})) == (100, 10)
 
 
 def test_a_held_input_is_the_mean_of_before_and_after():
-    """Assert that a held ramp of steps acts at each sample as the mean of its neighbours.
+    """Assert that the mean of a held input's steps before and after a sample acts at that sample.
 
-    Held from sample to sample, u(k) = k acts as k - 1/2 at sample k on average; the low-pass keeps
-    a straight line.
+    Held from sample to sample, u(k) = k acts as k - 1/2 at sample k on average. The low-pass
+    preserves straight lines.
     """
     ramp = np.arange(20000.0)
     data = log_of(sine(RESONANCE, 1000.0), 1000.0, ramp)
@@ -92,7 +92,7 @@ def test_a_held_input_is_the_mean_of_before_and_after():
 
 
 def test_directions_follow_motion_and_not_noise():
-    """Assert that those of noise cancel: their signs spread evenly from -1 to 1, 0.58 RMS."""
+    """Assert that directions follow motion, and spread evenly from -1 to 1 (0.58 RMS) in noise."""
     time = np.arange(5000) / 1000.0
     noise = 1e-4 * np.random.default_rng(1).standard_normal(40_000)
     for sign in (1.0, -1.0):
@@ -109,17 +109,17 @@ def test_directions_follow_motion_and_not_noise():
 
 @pytest.mark.parametrize("noise", [0.0, 1e-5])
 def test_a_row_rests_where_it_is_slow(noise):
-    """Assert that a row rests in a stop and where it turns, and nowhere else."""
+    """Assert that a row counts as resting at a stop and at a reversal, and nowhere else."""
     rate, factor = 1000.0, 10
     speed = 1.0 * np.cos(2.0 * np.arange(6284) / rate)
-    stop = 785  # where it turns
+    stop = 785  # where the velocity is reversed
     speed = np.concatenate((speed[:stop], np.zeros(800), speed[stop:]))
     position = np.cumsum(speed) / rate
     position += noise * np.random.default_rng(3).standard_normal(len(position))
     found = band.directions(log_of(position, rate).samples, factor)[:, 0] == RESTING
     usual = np.sqrt(np.mean(speed**2))
     slow, fast = (np.abs(speed[::factor]) < share * usual for share in (0.07, 0.13))
-    within = np.convolve(slow, np.ones(3), "same") > 2.5  # the whole interval, and those around
+    within = np.convolve(slow, np.ones(3), "same") > 2.5  # the whole interval and its neighbours
     assert within.sum() > 80
     assert found[within].all()
     assert not found[np.convolve(~fast, np.ones(3), "same") > 2.5].any()
@@ -127,7 +127,7 @@ def test_a_row_rests_where_it_is_slow(noise):
 
 @pytest.mark.parametrize(("rigid", "share"), [(True, 1.0), (False, 0.25)])
 def test_slowest_disturbance_follows_the_resonance(rigid, share):
-    """Assert that it is the resonance of a rigid joint's band, a fourth of it with a spring."""
+    """Assert a slowest disturbance at the resonance (rigid joint), or a fourth of it (spring)."""
     data = log_of(sine(RESONANCE, 1000.0), 1000.0)
     own = band.thinned(data, band.thinning(data, START), held=False)
     assert band.slowest_disturbance(own, rigid=rigid) == pytest.approx(share * RESONANCE, rel=0.05)

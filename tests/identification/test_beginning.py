@@ -1,4 +1,4 @@
-"""Which start a fit goes on from, and what is done where it leads nowhere: on made-up fits."""
+"""Choice of the start from which a fit continues, and what follows if every start fails."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -18,7 +18,7 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 SAMPLES = 320
 SHORTEST = 8  # segments
-FINEST = 16  # segments, whose halves would have less than ten samples
+FINEST = 16  # segments; their halves would have fewer than ten samples
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ MARGIN = 0.01  # s
 
 
 def fitted(segments: _Segments, excess: float, late: float = 0.0) -> SimpleNamespace:
-    """A fit of which only residuals, segments and delay are known."""
+    """Return a stand-in for a fit with residuals, segments and a delay only."""
     structure = SimpleNamespace(timing=SimpleNamespace(sought=("late",)))
     astray = {"late"} if late > MARGIN else set()
     given = {"structure": structure, "has_partners": not astray, "astray": astray}
@@ -55,7 +55,7 @@ def fitted(segments: _Segments, excess: float, late: float = 0.0) -> SimpleNames
 
 @pytest.fixture
 def by_length(monkeypatch):
-    """Let fits by length end with these excesses, or fail; return what is taken and tried."""
+    """Make fits by length have given excesses, or fail; return fits taken and starts tried."""
 
     def set_up(ends: dict[tuple[str, int], list[float]], late=0.0, finest=FINEST, *, insist=True):
         tried: list[tuple[str, int]] = []
@@ -80,7 +80,7 @@ def by_length(monkeypatch):
         monkeypatch.setattr(beginning, "fit_by_length", fit_by_length)
         monkeypatch.setattr(beginning, "starts", lambda *_: ways)
         divisions = [_Segments(SHORTEST, finest), *LADDER[1:]]
-        # Without a delay that leads astray every start is as it would be with it on time.
+        # A start without the unknown delay gives the same structure here.
         full: Any = SimpleNamespace(without=lambda gone: gone)
         rest: Any = None, divisions
         try:
@@ -144,7 +144,7 @@ def test_what_is_taken(by_length, ends, taken, starts):
 
 @pytest.mark.parametrize(("finest", "halvings"), [(8, 0), (16, 1), (32, 2), (64, 2)])
 def test_the_shortest_segments_are_halved_twice_at_most(by_length, finest, halvings):
-    """Assert that a search that fails goes down to a quarter of their length, if it can."""
+    """Assert that a failing search goes down to a quarter of the length, if samples allow."""
     _, tried = by_length({("c", halvings): [5.0, 5.0, 5.0]}, finest=finest)
     assert max(count for _, count in tried) == halvings
 
@@ -152,26 +152,26 @@ def test_the_shortest_segments_are_halved_twice_at_most(by_length, finest, halvi
 @pytest.mark.parametrize(
     ("ends", "late", "taken", "tried"),
     [
-        # A fit whose channel has no partners left does not count.
+        # A fit counts only if its delayed channel stays within the data.
         ({("a", 0): LED, ("b", 0): [2.0, 2.0, 2.0]}, 0.02, [2.0, 2.0, 2.0], STARTS[:2]),
         ({("a", 0): LED, ("b", 0): [2.0, 2.0, 2.0]}, 0.009, LED, STARTS[:1]),
-        # Where there is no other, starts are tried without the delay, over the same segments.
+        # If every other start fails, starts are tried without the delay, over the same segments.
         ({("a", 0): LED}, 0.02, [7.0, 7.0, 7.0], [*STARTS, ("a", 0)]),
     ],
 )
 def test_a_delay_that_leads_out_of_the_data_is_no_start(by_length, ends, late, taken, tried):
-    """Assert what is taken where one start's delay leads beyond the margin of the data."""
+    """Assert which fit is taken if the delay of one start exceeds the margin of the data."""
     assert by_length(ends, late=late) == (taken, tried)
 
 
 def test_without_insisting_the_best_is_taken_however_bad(by_length):
-    """Assert that the first start's fit is taken where no start leads anywhere."""
+    """Assert that the first start's fit is taken if all starts fail."""
     found, tried = by_length({}, insist=False)
     assert (found, tried[-1]) == ([99.0], ("a", 0))
 
 
 def held(hold: str, cost: float, *, converged: bool = True) -> Any:
-    """As much of a fit as a choice of the hold needs, without a delay."""
+    """Return a stand-in for a fit with a hold and no delay."""
     structure = SimpleNamespace(timing=SimpleNamespace(hold=hold))
     return made_fit(
         cost=cost, structure=structure, names=(), converged=converged, delays={INPUT: 0.0}
@@ -190,7 +190,7 @@ def held(hold: str, cost: float, *, converged: bool = True) -> Any:
 def test_a_hold_whose_steps_do_not_end_is_no_rival(
     monkeypatch, last_ends, other_ends, expected, open_yet
 ):
-    """Assert that the lesser sum of squares counts only where its steps ended, or none's did."""
+    """Assert that the smaller sum of squares decides among converged fits, if there are any."""
     other = held("linear", 900.0, converged=other_ends)
     monkeypatch.setattr(
         fits_by_length, "held_otherwise", lambda _, hold: other if hold == "linear" else None
@@ -202,7 +202,7 @@ def test_a_hold_whose_steps_do_not_end_is_no_rival(
 
 @pytest.fixture
 def reported(monkeypatch):
-    """Return a function that fits to all data, where the first so many fits fail."""
+    """Return a function that fits to all data; the first `failing` fits fail."""
 
     def result(failing: int, *, anyhow: bool = True):
         tried = []
@@ -232,7 +232,7 @@ def reported(monkeypatch):
 
 @pytest.mark.parametrize("failing", [0, 1, 2])
 def test_a_fit_to_all_data_begins_where_the_choice_ended(reported, failing):
-    """Assert that the data's own starts are next, the choice's values, with a sentence, last."""
+    """Assert the starts in order: chosen values, the data's own, then the choice with a note."""
     fitted, lengths_fitted, retreat, tried, before = reported(failing)
     ways = [{"link_delay": 0.1, "theta2": 1.0}, {"theta2": 2.0}]
     assert tried == [(way, 3.0) for way in ways[: failing + 1]]
@@ -245,7 +245,7 @@ def test_a_fit_to_all_data_begins_where_the_choice_ended(reported, failing):
 
 
 def test_a_fit_that_need_not_stand_is_not_begun_anew(reported):
-    """Assert that where a fit with disturbances may stand in its place, one failure is enough."""
+    """Assert that one failure ends the fit if a fit with disturbances can replace it."""
     with pytest.raises(ConvergenceError, match="nowhere"):
         reported(1, anyhow=False)
     assert reported(0, anyhow=False)[0] == "fitted, its shapes settled"

@@ -1,4 +1,4 @@
-"""The fit with disturbances: what it finds, and what widens its intervals."""
+"""Fit with disturbances: its estimates, and the doubts that widen its intervals."""
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
@@ -44,7 +44,7 @@ HARDENS = 20.0 * 150.0  # N m/rad³
 
 @dataclass(frozen=True)
 class Case:
-    """A log, terms beside the motor's viscous friction, truth, and the width of the core's ends."""
+    """Log with its terms, its true values and the allowed half width of the main coefficients."""
 
     made: Callable[[], Recording]
     terms: tuple[str, ...] = ()
@@ -55,17 +55,17 @@ class Case:
 
     @cached_property
     def data(self) -> Data:
-        """The log as fits take it."""
+        """Data of the log, as fits take them."""
         return data(self.made())
 
     @property
     def structure(self) -> Structure:
-        """All that is considered."""
+        """Structure with all terms that are considered."""
         base = structure("motor_viscous", *self.terms, hold=self.hold)
         return replace(base, joint=JOINT.scaled(self.data.samples)) if self.with_play else base
 
     def fit(self) -> Disturbed:
-        """The log fitted."""
+        """Return the fit to the log."""
         own = self.structure, self.data
         found = fit_disturbed(*own, (), (self.hold,), THRESHOLDS, with_play=self.with_play)
         return fit_disturbed_to(found, self.data) if self.with_play else found
@@ -100,14 +100,14 @@ CASES = {
 
 @cache
 def fitted(name: str) -> tuple[Disturbed, Estimate]:
-    """What a case gives."""
+    """Return the fit and the estimate of a case."""
     fit = CASES[name].fit()
     return fit, disturbed_estimate(fit, CASES[name].data, "N m")[0]
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_core_stays_known(name: str):
-    """Assert that intervals hold the truth, and are narrow."""
+    """Assert that intervals contain the true values and are narrow."""
     case, estimate = CASES[name], fitted(name)[1]
     numbers = estimate.names, estimate.values, half_widths(estimate)
     for coefficient, value, half in zip(*numbers, strict=True):
@@ -118,7 +118,7 @@ def test_the_core_stays_known(name: str):
 
 
 def test_what_each_log_shows():
-    """Assert that pushes are found in their row, rest in time, play where there is some."""
+    """Assert that disturbances are found in their row, rest in time, and play only if present."""
     link, motor = fitted("a pushed link")[0].sizes.disturbances
     assert 1.0 / 1.5 < link < 1.5
     assert motor < 0.3 * link
@@ -146,7 +146,7 @@ def test_a_spring_is_no_delay():
 
 @pytest.mark.parametrize("stiffness", [1e6, 2e4])
 def test_a_delay_between_encoders_is_found(stiffness: float):
-    """Assert that 3 ms are found, be the joint rigid or its deflection mostly a skew."""
+    """Assert that a delay of 3 ms is found for a rigid joint and for a compliant one."""
     acts: Any = {"joint_stiffness": stiffness, "gravity_torque": 0.0}
     found = skew(JOINT, data(made(6, link_delay=3e-3, **acts)))
     assert found.delay == pytest.approx(3e-3, rel=0.02)
@@ -161,9 +161,9 @@ def test_a_delay_between_encoders_is_found(stiffness: float):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_friction_stays_beside_disturbances(seed: int):
-    """Assert what a pendulum shows whose torque is disturbed, and of what dry friction takes 10 %.
+    """Assert the intervals of a pendulum with a disturbed torque, a tenth of which is dry friction.
 
-    Without it inertia and gravity are 15 to 22 % too large, and known to 90 %.
+    Without the friction term, inertia and gravity are 15 to 22 % too large with 90 % confidence.
     """
     swung = made(
         seed,
@@ -187,7 +187,7 @@ def test_friction_stays_beside_disturbances(seed: int):
 def test_disturbances_are_asked_for_where_the_core_is_not_well_known(
     torque_noise: float, asked: bool
 ):
-    """Assert what a torque with more than sensors' noise leads to, its core known to 0.6 or 3 %."""
+    """Assert that a noisy torque leads to a fit with disturbances, and stiffness stays known."""
     steps: list[str] = []
     found = identify([log(made(5, torque_noise=torque_noise))], progress=steps.append)
     assert ("fit with disturbances" in steps) == asked
@@ -196,7 +196,7 @@ def test_disturbances_are_asked_for_where_the_core_is_not_well_known(
 
 
 def test_halves_of_two_drives_widen_the_interval():
-    """Assert that a friction that falls has an interval that reaches what both halves have."""
+    """Assert that the interval of a drifting friction contains the means of both halves."""
     case = Case(lambda: pushed(5, motor_push=0.1, drift=0.6, drift_time=8.0))
     fit = case.fit()
     estimate = disturbed_estimate(fit, case.data, "N m")[0]
@@ -208,7 +208,7 @@ def test_halves_of_two_drives_widen_the_interval():
 
 @cache
 def eccentric(size: float, motor_push: float) -> tuple[Fitted, Estimate]:
-    """A drive with gravity whose link's encoder errs by so much once per turn."""
+    """Return the fit of a drive with gravity whose link encoder is eccentric by `size` rad."""
     right = pushed(3, 16.0, gravity_torque=8.0, link_push=0.05, motor_push=motor_push)
     error = size * np.sin(right.needed_link_position)
     log = data(seen(right, error, np.zeros(len(right))))
@@ -219,7 +219,7 @@ def eccentric(size: float, motor_push: float) -> tuple[Fitted, Estimate]:
 
 @pytest.mark.parametrize("size", [0.0, 1e-3, 2e-3])
 def test_a_torque_tells_gravity_from_an_eccentric_encoder(size: float):
-    """Assert that gravity is doubted by what the motor's balance allows, and the truth held."""
+    """Assert that the motor's balance limits the doubt about gravity, and intervals are right."""
     fitted, estimate = eccentric(size, 0.3)
     place, usual = fitted.names.index("theta1"), ECCENTRICITY * PUSHED["theta2"]
     directions = estimating.by_eccentricity(fitted)
@@ -231,26 +231,26 @@ def test_a_torque_tells_gravity_from_an_eccentric_encoder(size: float):
 
 
 def test_only_encoders_of_their_own_err_once_per_turn():
-    """Assert that a deflection that was measured does not look like gravity."""
+    """Assert that a directly measured deflection has no eccentricity that looks like gravity."""
     fitted = eccentric(0.0, 0.3)[0]
     alone = replace(fitted, data=replace(fitted.data, relative_to={"link": "motor"}))
     assert estimating.by_eccentricity(alone) is None
 
 
 def diverging(_: FitInBand) -> FitInBand:
-    """No fit."""
+    """Fail like a fit whose motion diverges."""
     raise ConvergenceError("prediction error", "the motion diverges")
 
 
 def unended(fitted: Fitted) -> Fitted:
-    """A fit whose steps did not end."""
+    """Return the fit as one that has not converged."""
     minimum = fitted.minimum
     reduced = replace(minimum.reduced, decrement=minimum.equations.cost)
     return replace(fitted, minimum=replace(minimum, reduced=reduced, last_step=20.0))
 
 
 def nth_fit(monkeypatch: pytest.MonkeyPatch, which: Collection[int], becomes: Any) -> None:
-    """Let the n-th fits that are made become others."""
+    """Replace the results of the n-th fits by `becomes` of them."""
     fit, made = disturbed.fit_in_band, []
 
     def counted(*given: Any, **how: Any) -> Any:
@@ -262,7 +262,7 @@ def nth_fit(monkeypatch: pytest.MonkeyPatch, which: Collection[int], becomes: An
 
 @pytest.mark.parametrize("has_fit", [True, False])
 def test_play_that_the_log_denies_is_no_doubt(monkeypatch: pytest.MonkeyPatch, has_fit: bool):
-    """Assert that it does not count where a fit of it is worse, and does where there is no fit."""
+    """Assert that likely play is no doubt if its fit is worse, and is one if its fit fails."""
 
     def likely_play(structure: Structure, _: Data) -> gap.LikelyPlay:
         without = structure.without(HARDENING)
@@ -279,7 +279,7 @@ def test_play_that_the_log_denies_is_no_doubt(monkeypatch: pytest.MonkeyPatch, h
 
 
 def test_likely_play_that_does_not_stay_is_a_doubt(monkeypatch: pytest.MonkeyPatch):
-    """Assert that a spring is as uncertain as the play makes it stiffer that was eliminated."""
+    """Assert that eliminated play adds uncertainty to the spring, by its change of stiffness."""
     eliminate = disturbed.eliminate
 
     def too_much(*asked: Any, **more: Any) -> Any:
@@ -304,7 +304,7 @@ def test_likely_play_that_does_not_stay_is_a_doubt(monkeypatch: pytest.MonkeyPat
 
 
 def test_where_the_best_start_runs_away_another_leads(monkeypatch: pytest.MonkeyPatch):
-    """Assert that the next start is tried where the first leads nowhere."""
+    """Assert that the next start is tried if the best one diverges."""
     usual = fitted("a pushed link")[0].fitted
     nth_fit(monkeypatch, {1}, diverging)
     found = CASES["a pushed link"].fit().fitted
@@ -312,7 +312,7 @@ def test_where_the_best_start_runs_away_another_leads(monkeypatch: pytest.Monkey
 
 
 def test_a_fit_whose_steps_do_not_end_is_compared_with_no_other(monkeypatch: pytest.MonkeyPatch):
-    """Assert that no halves and bands are fitted where the values are not known anyway."""
+    """Assert that halves and other bands are fitted only for a converged fit."""
     case, fit = CASES["a pushed link"], fitted("a pushed link")[0]
     made: list[object] = []
     monkeypatch.setattr(estimating, "_again", lambda *given: made.append(given))
@@ -327,7 +327,7 @@ def test_a_fit_whose_steps_do_not_end_is_compared_with_no_other(monkeypatch: pyt
 def test_a_fit_that_explains_little_begins_with_few_terms_too(
     monkeypatch: pytest.MonkeyPatch, fails: bool
 ):
-    """Assert that the likelier is kept of fits from all terms and from the paper's."""
+    """Assert that the likelier of two fits is kept: from all terms, or from the paper's first."""
     usual = fitted("a drive that stops")[0]
     made: list[Structure] = []
     fit = disturbed.fit_in_band
@@ -351,7 +351,7 @@ def test_a_fit_that_explains_little_begins_with_few_terms_too(
 
 
 def less_likely(by: float, *, in_sizes: bool = True) -> Callable[[FitInBand], FitInBand]:
-    """A fit that is less likely and leaves ten times as much, in disturbances or innovations."""
+    """Return a function that makes a fit less likely, with tenfold disturbances or innovations."""
 
     def far_off(fit: FitInBand) -> FitInBand:
         if in_sizes:
@@ -372,9 +372,9 @@ def less_likely(by: float, *, in_sizes: bool = True) -> Callable[[FitInBand], Fi
 def test_what_a_balance_cannot_do_without_stays(
     monkeypatch: pytest.MonkeyPatch, in_sizes: bool, by: float, fits: set[int], stays: bool
 ):
-    """Assert that a friction stays, though few blocks let chance explain it.
+    """Assert that a friction is kept if the fit without it leaves far more, despite few blocks.
 
-    Where all that chance explains at 0.005 leaves more, what it explains at 0.1 may go.
+    If leaving out all terms insignificant at 0.005 leaves more, those insignificant at 0.1 may go.
     """
     eliminate = disturbed.eliminate
 
@@ -389,14 +389,14 @@ def test_what_a_balance_cannot_do_without_stays(
 
 
 def test_a_term_without_which_the_motion_runs_away_stays(monkeypatch: pytest.MonkeyPatch):
-    """Assert that the fit before is kept where a leaner one leads nowhere."""
+    """Assert that the fuller fit is kept if the leaner one diverges."""
     nth_fit(monkeypatch, {2}, diverging)
     fit = CASES["a drive that stops"].fit()
     assert fit.fitted is fit.full
 
 
 def test_where_all_data_lead_nowhere_what_was_found_stands(monkeypatch: pytest.MonkeyPatch):
-    """Assert that values of the data before the held-out end are reported, with a sentence."""
+    """Assert that values from before the held-out end are reported, with a note."""
 
     def diverging_to(*_: Any) -> Disturbed:
         raise ConvergenceError("prediction error", "the motion diverges")
@@ -408,7 +408,7 @@ def test_where_all_data_lead_nowhere_what_was_found_stands(monkeypatch: pytest.M
 
 
 def test_predictions_begin_anyhow_where_an_observer_runs_away(monkeypatch: pytest.MonkeyPatch):
-    """Assert that they begin from the states that fit best."""
+    """Assert that predictions start from fitted states if the observer diverges."""
     fit, own = fitted("a pushed link")[0], CASES["a pushed link"].data
     windows = replace(fit.fitted.problem.segments)
     usual = disturbed.follower(fit, own)
@@ -426,7 +426,7 @@ def test_predictions_begin_anyhow_where_an_observer_runs_away(monkeypatch: pytes
 
 
 def test_fits_to_all_data_that_go_astray_are_made_up_for(monkeypatch: pytest.MonkeyPatch):
-    """Assert what a fit to all data, and one with all terms, is where the first one goes astray."""
+    """Assert the fallbacks if the fit to all data, or the one with all terms, fails or is worse."""
     fit, own = fitted("a pushed link")[0], CASES["a pushed link"].data
 
     def unended_and_unlikely(fit: FitInBand) -> FitInBand:
@@ -446,7 +446,7 @@ def test_fits_to_all_data_that_go_astray_are_made_up_for(monkeypatch: pytest.Mon
 
 
 def test_a_width_that_leads_nowhere_is_not_taken(monkeypatch: pytest.MonkeyPatch):
-    """Assert that play keeps the width that it has where a fit with that of its gap fails."""
+    """Assert that the width of play is kept if the fit with the width of its gap fails."""
     name = "play of 0.02 rad"
     fit, log = fitted(name)[0], CASES[name].data
     wide = gap.as_wide(fit.fitted.structure, 0.015)

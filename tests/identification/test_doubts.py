@@ -1,4 +1,4 @@
-"""What a rig may do unseen and what may hide behind a removed term: how far each moves a value."""
+"""Doubts: possible errors of the rig and removed terms, and how far each shifts a value."""
 
 from types import SimpleNamespace
 from typing import Any, cast
@@ -25,7 +25,7 @@ SPRINGS = ("theta2", "alpha1")
 def doubted(
     unit: str = "N m", delay: float = DELAY, apart: float = 0.0, **more: Any
 ) -> doubts.Doubted:
-    """A fit of a joint with a late input, of whose accelerations a tenth is unexplained."""
+    """Return a fit with a delayed input; 10 % (link) and 20 % (motor) are unexplained."""
     values = np.array([*VALUES.values(), delay])
     fitted = SimpleNamespace(
         names=NAMES,
@@ -40,7 +40,7 @@ def doubted(
 
 
 def shares(directions: np.ndarray, found: doubts.Doubted) -> dict[str, float]:
-    """How far one doubt may move each value, over the value; what it does not move is left out."""
+    """Return the relative shift of each value by one doubt; values without a shift are omitted."""
     assert len(directions) == len(NAMES)
     moved = np.sqrt(np.sum(directions**2, axis=1)) / np.abs(found.fitted.values)
     return {name: share for name, share in zip(NAMES, moved.tolist(), strict=True) if share}
@@ -57,18 +57,18 @@ CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     (doubts.cable, {}, {"theta1": 0.03 / 0.5}),
     (doubts.eccentric_encoders, {"by_eccentricity": TWICE}, {"theta1": 0.05}),
     (doubts.eccentric_encoders, {}, {}),
-    # A spring is never known better than the scale of the deflection's sensor.
+    # The uncertainty of a spring is at least that of the deflection sensor's scale.
     (doubts.gauge_scale, {"by_gauge": CHANGE}, {"theta2": 0.02, "alpha1": 3.0 * 0.02}),
     (doubts.gauge_scale, {}, {}),
-    # Scales that differ pull like gravity.
+    # Different scales of the encoders act like gravity.
     (doubts.scales_apart, {"apart": 0.02}, {**dict.fromkeys(NAMES, 0.02), "theta1": 0.02 * 21.0}),
     (doubts.scales_apart, {}, {}),
-    # A torque has neither coil nor amplifier, and no coil makes a lead.
+    # A torque has neither coil nor amplifier, and a coil only delays.
     (doubts.coil_lag, {}, {}),
     (doubts.coil_lag, EARLY, {}),
     (doubts.dead_zone, VOLTS, {"beta1": 0.02}),
     (doubts.dead_zone, {}, {}),
-    # Anything between none and all of what play makes of a spring, or more noise of the input.
+    # Uniform between zero and the full effect of play on a spring, or of more noise of the input.
     (doubts.play, {"by_play": 0.3}, dict.fromkeys(SPRINGS, 0.3 / np.sqrt(3.0))),
     (doubts.play, {}, {}),
     (
@@ -77,28 +77,28 @@ CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
         dict.fromkeys(("alpha1", "beta1"), 0.1 / 3.0**0.5),
     ),
     (doubts.noise_of_the_input, {}, {}),
-    # What the log itself says of a lag stands for what may be lost to one at the resonance.
+    # A lag that the log shows replaces the general doubt about a lag at the resonance.
     (doubts.lag, {"by_lag": NOISE}, {"alpha1": 0.1, "beta1": 0.1}),
-    # A term that moves its balance less is doubted more, and friction most.
+    # The doubt is larger for a term with a smaller part in its balance, and largest for friction.
     (
         doubts.looks_like_a_term,
         {},
         {n: (0.7 if n == "alpha2" else 0.4 * s) * s / 0.5 for n, s in SIDES.items()},
     ),
-    # Each balance may be heavier by the square of its share, all of it in one.
+    # Each balance may be heavier by the square of its share, if all of it acts as inertia.
     (doubts.looks_like_the_acceleration, {}, {name: share**2 for name, share in SIDES.items()}),
 ]
 
 
 @pytest.mark.parametrize(("doubt", "about", "expected"), CASES)
 def test_what_each_doubt_moves(doubt: Any, about: dict[str, Any], expected: dict[str, float]):
-    """Assert by how much it moves each value, and that it moves no other."""
+    """Assert the relative shift of each value by a doubt, and no shift of other values."""
     found = doubted(**about)
     assert shares(doubt(found), found) == pytest.approx(expected)
 
 
 def test_values_of_one_balance_move_together():
-    """Assert that what makes a balance heavier, or a spring stiffer, is one direction."""
+    """Assert that a heavier balance, or a stiffer spring, is a single direction."""
     one, two = doubts.further_modes(doubted()), doubts.looks_like_the_acceleration(doubted())
     assert (one.shape[1], two.shape[1], doubts.play(doubted(by_play=0.3)).shape[1]) == (1, 2, 1)
     assert ((two != 0.0).sum(axis=1) <= 1).all()
@@ -106,10 +106,10 @@ def test_values_of_one_balance_move_together():
 
 @pytest.mark.parametrize("part", [0.3, 1.0])
 def test_a_lag_in_place_of_a_delay(part: float):
-    """Assert that the allowance is what a coil does to the inertia that a delay shows.
+    """Assert that the allowance covers the error of inertia if a delay replaces a coil's lag.
 
-    With lag T, back-EMF e and friction f, u -> v is 1 / ((1 + T s)(s + f) + e); the model has
-    1 / ((a s + b) exp(T s)). Equal to first order in s where a / b = (1 - T e) / (f + e).
+    With lag T, back-EMF e and friction f, u -> v is 1 / ((1 + T s)(s + f) + e); the model has 1 /
+    ((a s + b) exp(T s)). Equal to first order in s where a / b = (1 - T e) / (f + e).
     """
     viscous = VALUES["alpha2"]
     emf, friction = part * viscous, (1.0 - part) * viscous
@@ -124,10 +124,10 @@ def test_a_lag_in_place_of_a_delay(part: float):
 
 @pytest.mark.parametrize("delay", [DELAY, -DELAY])
 def test_a_lag_passes_less_than_a_delay(delay: float):
-    """Assert that the gain is doubted by what lags take away at the resonance, root mean square.
+    """Assert that the gain's doubt is the RMS attenuation that lags cause at the resonance.
 
-    Half of the delays are delays; of the others the lag is anything between none and all. An input
-    that was low-passed acts early.
+    Half of the delays are pure delays; in the others the lag is uniform between zero and the whole
+    delay. The input of a low-passed record acts early.
     """
     resonance = np.sqrt(VALUES["theta2"] + VALUES["alpha1"])  # rad/s
     lost = 1.0 - 1.0 / np.hypot(1.0, resonance * np.linspace(0.0, DELAY, 1001))
@@ -137,7 +137,7 @@ def test_a_lag_passes_less_than_a_delay(delay: float):
 
 
 def fit_over(duration: float, values: list[float], excess: float, kind: str = "rigid") -> Any:
-    """A fit of two values, of which chance makes 0.03 each."""
+    """Return a stand-in for a fit of two values with standard deviations of 0.03."""
     return SimpleNamespace(
         values=np.array(values),
         unit_deviations=np.full(2, 0.03),
@@ -160,7 +160,7 @@ def fit_over(duration: float, values: list[float], excess: float, kind: str = "r
 def test_a_rigid_joint_that_long_segments_contradict(
     kind: str, short: float, excess: float, moved: bool
 ):
-    """Assert that its values are off by what they change with the length, and others are not."""
+    """Assert that only a rigid joint's values are widened by their change with segment length."""
     own = fit_over(0.2, [1.0, 2.0], short, kind)
     longer = [fit_over(0.4, [1.0, 2.4], 1.02), fit_over(0.8, [0.7, 2.0], excess)]
     fits = cast(Any, SimpleNamespace(reported=own, lengths_fitted=[own, *longer]))
@@ -173,7 +173,7 @@ def test_a_rigid_joint_that_long_segments_contradict(
 def test_halves_count_by_what_they_know(variances, share):
     """Assert the variance that disagreeing halves add to their weighted mean, w1 w2 (d² - v1 - v2).
 
-    A half that knows nothing adds none, whatever it gives.
+    A half with infinite variance adds none.
     """
     for difference in (20.0, 2.0):
         pair = (
@@ -186,7 +186,7 @@ def test_halves_count_by_what_they_know(variances, share):
 
 
 def test_covariances_add():
-    """Assert that all doubts together add their covariances, and that each value has some."""
+    """Assert that the covariances of all doubts add up, and that the widest doubt is named."""
     found = doubted("V")
     known = Estimate(NAMES, found.fitted.values, np.zeros((6, 6)), (10.0,) * 6)
     every = [(doubts.covariance_of(doubt(found)), words) for doubt, words in doubts.DOUBTS.items()]
@@ -197,7 +197,7 @@ def test_covariances_add():
 
 
 def quadratic(names, information, values, robust=1.0) -> Any:
-    """As much of a fit as counts: its quadratic form, and how far blocks agree with noise."""
+    """Return a stand-in for a fit: quadratic form, and robust over white-noise deviations."""
     unit = np.sqrt(np.diag(np.linalg.pinv(information)))
     return SimpleNamespace(
         names=tuple(names),
@@ -210,13 +210,13 @@ def quadratic(names, information, values, robust=1.0) -> Any:
 
 
 def hidden(reported, full, scale, certain=(), **one_way: dict[str, float]) -> np.ndarray:
-    """Covariance from what is gone, of a size; frictions that turn one way pass for others."""
+    """Return the covariance due to a removed term of some scale; `one_way` are frictions."""
     fits = {"reported": reported, "full": full, "scales": {"gone": scale}, "one_way": one_way}
     return hidden_covariance(cast(Any, SimpleNamespace(**fits)), certain)
 
 
 def test_a_friction_one_way_may_be_as_large_as_its_scale():
-    """Assert that it adds half its square by what it passes for, whatever the fit says of it."""
+    """Assert that a one-way friction adds half its squared scale to what it acts like."""
     reported = quadratic(("kept", "other"), np.eye(2), np.zeros(2))
     full = quadratic(("kept", "other", "gone"), np.diag([1.0, 1.0, 1e6]), np.zeros(3))
     assert hidden(reported, full, 3.0) == pytest.approx(np.zeros((2, 2)), abs=1e-5)
@@ -225,7 +225,7 @@ def test_a_friction_one_way_may_be_as_large_as_its_scale():
 
 
 def added(information, values, scale, robust=1.0, certain=()) -> float:
-    """Variance that the second of two coefficients adds to the first by its absence."""
+    """Return the variance that a removed second coefficient adds to the first."""
     reported = quadratic(("kept",), information[:1, :1], values[:1])
     full = quadratic(("kept", "gone"), information, values, robust)
     covariance = hidden(reported, full, scale, certain)
@@ -235,7 +235,7 @@ def added(information, values, scale, robust=1.0, certain=()) -> float:
 @pytest.mark.parametrize("certain", [(), ("gone",)])
 @pytest.mark.parametrize(("value", "scale"), [(0.0, 3.0), (0.4, 3.0), (1.1, 0.5), (2.5, 20.0)])
 def test_it_is_the_mean_square_of_the_posterior(value, scale, certain):
-    """Assert that what is added is E[b²] of a term that is there, or may be, times 0.6 squared."""
+    """Assert that the added variance is 0.6² E[b²] of a term that is, or may be, present."""
     information = np.array([[1.0, 0.6], [0.6, 1.0]])
     deviation = 1.0 / np.sqrt(1.0 - 0.36)
 
@@ -251,7 +251,7 @@ def test_it_is_the_mean_square_of_the_posterior(value, scale, certain):
 
 
 def test_correlated_residuals_count():
-    """Assert that a term whose scores scatter twice as much is twice as uncertain."""
+    """Assert that a term with twice the score deviation has twice the uncertainty."""
     information = np.array([[1.0, 0.6], [0.6, 1.0]])
     wide = added(information, np.zeros(2), 3.0, robust=2.0)
     narrow = added(information / 4.0, np.zeros(2), 3.0)
@@ -259,7 +259,7 @@ def test_correlated_residuals_count():
 
 
 def test_what_is_left_of_the_information_is_not_lost_in_rounding():
-    """Assert what a third column adds that two leave but 4e-6 of, by their least squares."""
+    """Assert the added covariance if only 4e-6 of a third column is independent of the others."""
     rng = np.random.default_rng(3)
     base = rng.standard_normal((1000, 3))
     columns = np.column_stack(
@@ -272,7 +272,7 @@ def test_what_is_left_of_the_information_is_not_lost_in_rounding():
     covariance = hidden(reported, full, scale)
     orthogonal, _ = np.linalg.qr(columns[:, :2])
     rest = columns[:, 2] - orthogonal @ (orthogonal.T @ columns[:, 2])
-    assert 1.0 / np.linalg.norm(rest) > scale  # the log cannot see it
+    assert 1.0 / np.linalg.norm(rest) > scale  # invisible in the log
     shift = np.linalg.lstsq(columns[:, :2], columns[:, 2])[0]
     most = scale**2 * np.outer(shift, shift)
     ratio = np.diag(covariance) / np.diag(most)

@@ -1,4 +1,4 @@
-"""What a motion does not excite, on Gram matrices whose condition is known."""
+"""Excitation of coefficients, on Gram matrices with a known condition number."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -22,7 +22,7 @@ SPRING = ("theta_cubic", "alpha_cubic", "theta_damping", "alpha_damping")
 
 
 def row_of(columns: dict[str, np.ndarray], acceleration: np.ndarray) -> Any:
-    """Sums of a row with these regressors."""
+    """Return the sums of a row with these regressors."""
     regressors = np.array([*columns.values()])
     total = float(acceleration @ acceleration)
     return SimpleNamespace(
@@ -35,7 +35,7 @@ def row_of(columns: dict[str, np.ndarray], acceleration: np.ndarray) -> Any:
 
 
 def made_row(zero: float, *, constant: bool, moved: float = 1e-3) -> Any:
-    """Sums of a row whose spring's regressor has its zero elsewhere, over two logs."""
+    """Return the sums of a row over two logs, with the zero of its deflection shifted."""
     rng = np.random.default_rng(8)
     gravity, deflection, viscous = rng.standard_normal((3, 400))
     first = np.arange(400) < 150
@@ -45,10 +45,10 @@ def made_row(zero: float, *, constant: bool, moved: float = 1e-3) -> Any:
     return row_of(columns, gravity + deflection)
 
 
-# Two regressors of the acceleration's size, with correlation c, can make 1 - c of its square.
+# Two regressors as large as the acceleration, of correlation c, can form 1 - c of its square.
 @pytest.mark.parametrize(("share", "lost"), [(0.0071, False), (0.0069, True)])
 def test_seven_thousandths_of_the_acceleration_are_the_edge(share, lost):
-    """Assert that below them the confounded pair is lost, and what the spring couples with it."""
+    """Assert that below the limit the confounded pair is lost, with all terms of the spring."""
     correlation = 1.0 - share**2
     one, other, third = np.sqrt(3.0) * np.eye(3)
     second = correlation * one + np.sqrt(1.0 - correlation**2) * other
@@ -61,7 +61,7 @@ def test_seven_thousandths_of_the_acceleration_are_the_edge(share, lost):
 
 @pytest.mark.parametrize("zero", [0.2, -6.3, 20.0])
 def test_zeros_of_encoders_are_no_lack_of_motion(zero: float):
-    """Assert that with constants sought the excitation is that of a deflection about its mean."""
+    """Assert that with unknown offsets the excitation is that of the deflection about its mean."""
     far, near = (made_row(z, constant=True) for z in (zero, 0.0))
     there, here = row_excitation(far, ()), row_excitation(near, ())
     assert there.condition_number == pytest.approx(here.condition_number, rel=1e-4)
@@ -71,14 +71,14 @@ def test_zeros_of_encoders_are_no_lack_of_motion(zero: float):
     shares = directions(far, spring | offsets)[0], directions(near, spring)[0]
     assert shares[0][0] == pytest.approx(shares[1][0], rel=1e-4)
     assert unexcited([far], spring, THRESHOLDS.lost_share) == frozenset()
-    # Nothing is taken off where no constant is sought.
+    # Without an unknown offset, the mean is not subtracted.
     off, on = (row_excitation(made_row(z, constant=False), ()) for z in (zero, 0.0))
     assert off.level > 1.5 * on.level
 
 
 @pytest.mark.parametrize("moved", [1e-6, 1e-12, 1e-16, 0.0])
 def test_a_joint_that_does_not_bend_is_not_excited(moved: float):
-    """Assert that noise and rounding of a deflection are no motion, though constants are sought."""
+    """Assert that noise and rounding of a deflection excite nothing, even with unknown offsets."""
     row = made_row(0.3, constant=True, moved=moved)
     assert row_excitation(row, ()).condition_number > 1e9
     spring = {"theta1": 1.0, "theta2": 1e5}
@@ -89,7 +89,7 @@ def test_a_joint_that_does_not_bend_is_not_excited(moved: float):
 
 @pytest.mark.parametrize(("apart", "lost"), [(0.5, False), (1e-3, True)])
 def test_gravity_that_looks_like_a_constant_leaves_the_spring(apart, lost):
-    """Assert that a spring is lost by a direction of its own, be it not the worst one."""
+    """Assert that a spring can be lost by a direction other than the worst one."""
     rng = np.random.default_rng(9)
     swing, motion, speed = rng.standard_normal((3, 400))
     columns = {"theta1": 1.0 + 1e-4 * swing, "theta_offset": np.ones(400)}
@@ -101,7 +101,7 @@ def test_gravity_that_looks_like_a_constant_leaves_the_spring(apart, lost):
 
 @pytest.mark.parametrize("light", [200.0, 1000.0])
 def test_torques_that_all_but_cancel_say_what_they_leave(light):
-    """Assert that a row is seen whose acceleration is a small part of each of its torques."""
+    """Assert that a row is excited if its acceleration is a small difference of large torques."""
     rng = np.random.default_rng(5)
     torque, left = rng.standard_normal((2, 400))
     columns = {"alpha1": torque - left / light, "beta1": torque}
@@ -115,7 +115,7 @@ def test_torques_that_all_but_cancel_say_what_they_leave(light):
 
 
 def noisy_sine(noise: np.ndarray) -> RowFit:
-    """Sums of a link's row on one sine, its deflection three hundredths of it, and with noise."""
+    """Return the sums of a link's row on a noisy sine, with a deflection of 3 % of it."""
     sine = np.sin(0.01 * np.arange(4000))
     link, deflection = sine + noise[0], 0.03 * sine + noise[1]
     row = row_of({"theta1": link, "theta2": deflection}, sine)
@@ -125,7 +125,7 @@ def noisy_sine(noise: np.ndarray) -> RowFit:
 
 @pytest.mark.parametrize(("count", "lost"), [(100, True), (4000, False)])
 def test_noise_is_no_motion(count: int, lost: bool):
-    """Assert that what noise makes of a direction does not count; many values know its part."""
+    """Assert that the part of an excitation due to noise is subtracted, if samples suffice."""
     rng = np.random.default_rng(6)
     noise, added = 1e-3 * rng.standard_normal((2, 2, 4000))
     noise[1] += 5e-4 * np.sqrt(2.0) * np.sin(0.03 * np.arange(4000))
@@ -140,7 +140,7 @@ def test_noise_is_no_motion(count: int, lost: bool):
 
 @pytest.mark.parametrize("relative", [False, True])
 def test_noise_is_added_as_the_sensors_have_it(relative: bool):
-    """Assert that a deflection that was measured gets its own noise, and encoders theirs."""
+    """Assert that noise is added to a measured deflection, or else to each encoder."""
     rng = np.random.default_rng(7)
     motor = 1e-3 * rng.standard_normal(4000)
     link = motor + 1e-5 * rng.standard_normal(4000) if relative else motor[::-1]
@@ -176,7 +176,7 @@ RIPPLE = np.sin(np.arange(400))
     ids=["step", "back", "hardly varies", "varies", "both ways", "rest", "seldom", "mostly"],
 )
 def test_a_friction_one_way_is_part_of_a_constant_torque(ways, torque, parts):
-    """Assert that it is hidden, and stands for how much of the torque, if nothing else varies."""
+    """Assert that one-way friction counts as part of the torque if nothing else varies."""
     row = SimpleNamespace(
         coefficients=("alpha2", "alpha_coulomb", "beta1"),
         regressors=np.array([SPEED, ways, torque]),

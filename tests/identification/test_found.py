@@ -1,4 +1,4 @@
-"""What is found in logs that are not flexid's, and what is said where the model lacks a term."""
+"""Estimates from logs of an independent simulator, and warnings where the model lacks a term."""
 
 import json
 from collections.abc import Mapping
@@ -47,14 +47,14 @@ BENT = {"bend_deflection": 0.3, "bend_stiffness": 40.0}
 
 @dataclass(frozen=True)
 class Case:
-    """Logs in which more acts than the paper's joint, or otherwise, and what is found."""
+    """Settings of simulated logs, and the terms and values that identification should find."""
 
     acts: Mapping[str, Any] = field(default_factory=dict)
-    terms: tuple[str, ...] = ()  # beside the paper's
+    terms: tuple[str, ...] = ()  # in addition to the paper's
     values: Mapping[str, float] = field(default_factory=dict)
     settings: Settings = field(default_factory=Settings)
-    seconds: Mapping[int, float] = field(default_factory=lambda: {1: 8.0})  # by seed
-    accuracy: float = 1e-4  # of all values
+    seconds: Mapping[int, float] = field(default_factory=lambda: {1: 8.0})  # duration by seed
+    accuracy: float = 1e-4  # relative, of all values
     hold: str = "cubic"
 
 
@@ -142,7 +142,7 @@ THOROUGH = {"a ripple and a bend"}
 
 @cache
 def identified_case(name: str) -> Identification:
-    """What the logs of a case give."""
+    """Return the result for the logs of a case."""
     case = CASES[name]
     logs = [log(made(seed, duration, **case.acts)) for seed, duration in case.seconds.items()]
     return identify(logs, case.settings)
@@ -152,7 +152,7 @@ def identified_case(name: str) -> Identification:
     "name", [pytest.param(n, marks=[pytest.mark.thorough] if n in THOROUGH else []) for n in CASES]
 )
 def test_what_a_log_shows_is_found(name):
-    """Assert that terms, hold and values are right, and hardly surer than they are."""
+    """Assert that terms, hold and values are right, and that intervals are wide enough."""
     case, found = CASES[name], identified_case(name)
     alone = found.model == "link"
     terms = ("gravity",) if alone else PAPER_TERMS
@@ -174,7 +174,7 @@ def test_what_a_log_shows_is_found(name):
 
 
 def test_a_ripple_far_from_zero_counts_from_where_it_is():
-    """Assert that thirty turns away nothing is less known, and that the angle says whence."""
+    """Assert that thirty turns away the estimate is the same, and that the origin is reported."""
     near = identified_case("a ripple")
     far = identify([log(turned(made(1, 12.0, **RIPPLE), -30))])
     origin = -30.0 * 2.0 * np.pi
@@ -194,7 +194,7 @@ def test_a_ripple_far_from_zero_counts_from_where_it_is():
     ],
 )
 def test_a_shape_that_is_asked_for_and_not_there_has_no_size(term, size, constant, largest):
-    """Assert that it is known to be small, that its constant is not known, and the rest is."""
+    """Assert that an absent shape has a small size and an undetermined constant, with no harm."""
     absent = identify([log(made(1, 12.0))], Settings(terms=(*PAPER_TERMS, term)))
     assert np.abs(absent.parameters[size].interval).max() < largest
     assert absent.parameters[constant].verdict == "undetermined"
@@ -207,9 +207,9 @@ def test_a_shape_that_is_asked_for_and_not_there_has_no_size(term, size, constan
     ids=str,
 )
 def test_what_a_missing_term_spoils_is_covered_or_doubted(acts):
-    """Assert that intervals of a model that lacks a term hold the truth, or no one is sure."""
+    """Assert that without a needed term intervals cover the truth, or values are not determined."""
     result = identify([log(made(1, **acts))], PAPER)
-    assert max(result.residual_excess.values()) > 5  # the term matters
+    assert max(result.residual_excess.values()) > 5  # the missing term matters
     for name, true in COEFFICIENTS.items():
         found = result.coefficients[name]
         lower, upper = found.interval
@@ -218,7 +218,7 @@ def test_what_a_missing_term_spoils_is_covered_or_doubted(acts):
 
 
 def test_what_becomes_of_an_estimate_with_hysteresis():
-    """Assert that stored it predicts another log, and that nothing linear or exported has it."""
+    """Assert that the stored estimate predicts another log, and has no linear or exported form."""
     found = identified_case("a spring that remembers")
     document = json.loads(to_json(estimate_document(found)))
     answer = validate_estimate(read_estimate(document), [log(made(2, **HYSTERESIS))])
@@ -229,7 +229,7 @@ def test_what_becomes_of_an_estimate_with_hysteresis():
 
 
 def test_what_becomes_of_an_estimate_with_squares():
-    """Assert that a square is a coefficient, and a known part of an exported estimator."""
+    """Assert that a square is a tied coefficient, and a constant in an exported estimator."""
     gear = identified_case("an eccentric gear")
     values = {name: c.value for name, c in gear.coefficients.items()}
     for name, (a, b, d) in TIES.items():
@@ -251,7 +251,7 @@ def test_what_becomes_of_an_estimate_with_squares():
 
 
 def test_least_squares_seeks_no_square():
-    """Assert that columns which nothing but a square tells apart are not sought."""
+    """Assert that coefficients identified only by ties to squares are left out of least squares."""
     joint = JOINT.scaled(data(made(3, 12.0, **ECCENTRIC)).samples).with_shapes_in_least_squares
     structure = Structure(joint, frozenset(), Timing("cubic"))
     unknowns = smooth_unknowns(structure, (0,))
@@ -273,7 +273,7 @@ ENGINE_TRUTH = {
 
 @pytest.mark.parametrize("seed", [0, pytest.param(10, marks=pytest.mark.thorough)])
 def test_every_parameter_is_determined(seed):
-    """Assert that all, dry friction too, is within three thousandths, and the truth inside."""
+    """Assert that all parameters are within 0.3 %, with intervals that contain the truth."""
     arm, motion = Arm((ENGINE_LINK,), (9.81, 0.0)), Motion(30.0, bits=14, noise=0.0)
     run = simulate(arm, motion, np.random.default_rng(seed))
     columns = (column[:, 0].copy() for column in (run.link, run.motor, run.torque))

@@ -1,4 +1,4 @@
-"""The model of a log and its fit over segments of growing length, in steps as fine as the noise."""
+"""The model of a log, its fit over segments of growing length, and the integration steps."""
 
 from dataclasses import replace
 from functools import cache
@@ -28,19 +28,19 @@ from flexid.recording.velocities import with_velocities
 
 @pytest.fixture(scope="module")
 def late() -> model.Data:
-    """Eight seconds whose torque acts 1.3 ms and whose link is read 0.7 ms late."""
+    """Return eight seconds with a torque delay of 1.3 ms and a link delay of 0.7 ms."""
     return data(made(11, 8.0, input_delay=1.3e-3, link_delay=0.7e-3))
 
 
 def test_what_data_know(late):
-    """Assert that each position's noise is found from it alone, and what it is late against."""
+    """Assert the noise of each position, the reference of a deflection, and the margins."""
     assert late.noise == pytest.approx([NOISE, NOISE], rel=0.1)
     assert late.relative_to == {}
     recording = replace(made(1, 0.5, noise=0.0), link_from_deflection=True)
     still = data(replace(recording, motor_position=np.zeros(len(recording))))
     assert still.relative_to == {"link": "motor"}
     assert np.all(still.noise > 0.0)  # so that weights are finite
-    # No more than a twentieth of the shortest recording is left out at either end.
+    # The margin at either end is at most a twentieth of the shortest recording.
     assert data(made(1, 8.0), made(1, 0.4)).margin == pytest.approx(0.02)
     assert data(made(1, 8.0)).margin == pytest.approx(0.03)
     late = [with_velocities(made(1, 8.0))]
@@ -49,11 +49,11 @@ def test_what_data_know(late):
 
 
 def test_lengths_double():
-    """Assert that each length holds two segments of the one before, between free ends of 30 ms."""
+    """Assert that segments double in length, within margins of 30 ms."""
     divisions = lengths(data(made(1, 12.0, noise=0.0)))
     durations = [float(np.mean(s.lengths * s.sample_times)) for s in divisions]
     assert durations[0] < 2.0 * fitting.SHORTEST
-    assert durations[-1] < 1.5 * fitting.LONGEST  # whole parts of the log
+    assert durations[-1] < 1.5 * fitting.LONGEST  # a whole fraction of the log
     for short, long in pairwise(divisions):
         assert np.array_equal(short.starts[::2], long.starts)
         assert len(short) == 2 * len(long)
@@ -62,7 +62,7 @@ def test_lengths_double():
 
 
 def test_short_segments_forgive_a_bad_start(late):
-    """Assert that from values two or three times wrong short segments lead to long ones."""
+    """Assert that from values two or three times too large or small short segments converge."""
     timing = Timing("cubic", {INPUT: 1.3e-3, model.LINK: 0.7e-3})
     start = {"theta1": 0.0, "theta2": 40.0, "alpha1": 800.0, "alpha2": 0.0, "beta1": 7.0}
     found = fit_by_length(replace(PAPER, timing=timing), late, start, lengths(late))
@@ -73,7 +73,7 @@ def test_short_segments_forgive_a_bad_start(late):
 
 
 def test_least_squares_starts_no_motion_that_runs_away(late):
-    """Assert that frictions start from zero on, and springs and inertias above it."""
+    """Assert that starts have frictions of at least zero, and positive springs and inertias."""
     early = replace(PAPER, absent=PAPER.absent - {"theta_viscous", "alpha_cubic", "theta_cubic"})
     seen = replace(late.samples[0], positions=late.samples[0].positions.copy())
     seen.positions[10:, 0] = late.samples[0].positions[:-10, 0]
@@ -95,14 +95,14 @@ def test_least_squares_starts_no_motion_that_runs_away(late):
         ("++x+", "++"),
         ("+xx", "+"),
         ("x+", None),
-        # What explains the log over the longest at once needs no length in between.
+        # If the longest segments explain the log at once, lengths in between are skipped.
         ("oxxo", "o..o"),
         ("ooo+", "ooo+"),
         ("ooox", "ooo"),
     ],
 )
 def test_which_lengths_are_fitted(monkeypatch, ends, kept):
-    """Assert which are kept: o where noise is left, + where more is, x where no fit is."""
+    """Assert which lengths are kept: o leaves only noise, + leaves more, x has no fit."""
     counts = [2 ** (len(ends) - i) for i in range(len(ends))]
 
     def fitted_over(_structure, _data, segments, _start, states, *_, **__):
@@ -128,7 +128,7 @@ def test_which_lengths_are_fitted(monkeypatch, ends, kept):
 
 
 def test_fit_to_other_data():
-    """Assert values, those at a bound, and that a wrong gain that is given is not made up for."""
+    """Assert values, those at a bound, and that a wrong fixed gain leaves large residuals."""
     other = data(made(12, 4.0))
     near = {c: 1.02 * v for c, v in COEFFICIENTS.items()}
     found, lengths_fitted = fit_to(PAPER, other, near, 1.0)
@@ -152,7 +152,7 @@ def test_fit_to_other_data():
 
 
 def test_the_rest_follows_what_is_gone(monkeypatch):
-    """Assert that where no way leads from a wider fit, the leaner one starts where it ends."""
+    """Assert that if the wider fit's values fail, the leaner fit starts at a predicted minimum."""
     link_viscous = replace(PAPER, absent=PAPER.absent - {"theta_viscous"})
     wide, _ = fit_to(link_viscous, data(made(12, 1.0, noise=1e-3)), COEFFICIENTS, 0.5)
     lean = fitting.fit_like(PAPER, wide)
@@ -173,11 +173,11 @@ def test_the_rest_follows_what_is_gone(monkeypatch):
     assert apart > 1e-3 * friction
     assert abs(begun[1]["alpha2"] - friction) < 0.05 * apart
     begun.clear()
-    assert fitting.fit_like(link_viscous, wide) is None  # nothing is gone: there is no other start
+    assert fitting.fit_like(link_viscous, wide) is None  # no term removed, no other start
 
 
 def test_terms_of_a_structure():
-    """Assert that terms count by the motor's side, and what goes together where one is taken."""
+    """Assert that terms follow the motor's coefficients, and which ones are removed together."""
     only = [
         model.Structure(JOINT, frozenset(JOINT.optional - {"theta1", name}), Timing("zero")).terms
         for name in ("alpha_damping", "theta_damping")
@@ -195,7 +195,7 @@ def test_terms_of_a_structure():
     [(0.049, False, True), (0.051, False, False), (0.01, True, False)],
 )
 def test_only_a_core_that_is_known_needs_no_ladder(deviation: float, free: bool, known: bool):
-    """Assert that inertias and stiffness decide, gravity does not, and that none may be open."""
+    """Assert that inertias and stiffness decide, gravity does not, and none may be undetermined."""
     reduced = SimpleNamespace(free=np.array([False, free]))
     short = SimpleNamespace(
         names=("theta1", "alpha1"),
@@ -215,19 +215,19 @@ FINE_START = {**COEFFICIENTS, "theta2": 1500.0, "alpha1": 5000.0, "alpha_coulomb
 
 
 def recorded(noise: float) -> Recording:
-    """Six seconds with dry friction."""
+    """Return six seconds with dry friction."""
     return made(4, 6.0, noise=noise, held=True, **STIFF)
 
 
 @cache
 def by_length(noise: float) -> tuple[Fitted, ...]:
-    """Fits to them over segments of growing length."""
+    """Return fits to that recording over segments of growing length."""
     own = data(recorded(noise))
     return tuple(fit_by_length(STRUCTURE, own, FINE_START, lengths(own)))
 
 
 def test_fine_encoders_want_shorter_steps():
-    """Assert that a fit ends in steps whose error is negligible, and that noise hides it else."""
+    """Assert that steps are refined until their error is negligible, and only for fine encoders."""
     coarse = fitting.with_steps_refined(by_length(COARSE_NOISE))
     assert {fit.data.refinement for fit in coarse} == {1}
     found = by_length(FINE_NOISE)
@@ -244,11 +244,11 @@ def test_fine_encoders_want_shorter_steps():
 
 
 def test_holds_are_compared_in_equal_steps(monkeypatch: pytest.MonkeyPatch):
-    """Assert that a rival hold's longer steps do not pass for a doubt about the hold."""
+    """Assert that the longer steps of a rival hold add no doubt about the hold."""
     last = fitting.with_steps_refined(by_length(FINE_NOISE))[-1]
     segments, states = last.problem.segments, last.minimum.point.initial_states
     fine = refit(STRUCTURE, last.data, last.by_name, segments, FINE, states)
-    # The same hold, as it is.
+    # The rival has the same hold.
     monkeypatch.setattr(fits_by_length, "held_otherwise", lambda *_: last)
     apart = np.sqrt(np.diag(fits_by_length.hold_covariance(fine, ("zero",)))) / fine.unit_deviations
     assert np.abs((last.values - fine.values) / fine.unit_deviations).max() > 1.0
@@ -256,7 +256,7 @@ def test_holds_are_compared_in_equal_steps(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_other_data_are_asked_again():
-    """Assert that a fit to data that want shorter steps than it began with ends in these."""
+    """Assert that a fit to other data refines its steps as these data require."""
     fitted, lengths_fitted = fit_to(STRUCTURE, data(recorded(FINE_NOISE)), FINE_START, 1.0)
     assert fitted.data.refinement > 1
     assert refinement(fitted.problem, fitted.minimum) == 1
@@ -269,7 +269,7 @@ def test_other_data_are_asked_again():
 def test_report_and_rivals_take_the_same_steps(
     refined: bool, monkeypatch: pytest.MonkeyPatch, fits_seen: list[FinalFits]
 ):
-    """Assert that the report is fitted in steps as fine as chosen or finer, all terms as it is."""
+    """Assert that the final fit has the chosen fit's steps or finer, and all fits the same."""
     times = []
 
     def watched(structure, data, *rest):

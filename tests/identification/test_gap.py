@@ -1,4 +1,4 @@
-"""Play of the joint, a dead zone as wide as its own gap: on made logs with one."""
+"""Play of the joint: a dead zone with the width of its own gap, on simulated logs."""
 
 from dataclasses import replace
 from functools import cache
@@ -26,13 +26,13 @@ HALF_GAP = 4e-4  # rad
 
 @cache
 def with_gap(half_gap: float, *terms: str) -> Fitted:
-    """The paper's model with some more terms, fitted to ten seconds of a drive with a gap."""
+    """Return the paper's model and more terms, fitted to 10 s of a drive with a gap."""
     return fitted(made(1, 10.0, half_gap=half_gap), *terms)
 
 
 @pytest.mark.parametrize("true_gap", [HALF_GAP, 1.5e-3, 4e-3])
 def test_a_gap_is_found_as_wide_as_it_is(true_gap):
-    """Assert that gap and spring come out exactly; by the first width they did not."""
+    """Assert that gap and spring are exact with the adapted width, and not with the first one."""
     first = with_gap(true_gap, "backlash")
     found = as_wide_as_its_gap(first)
     assert found.data.refinement >= first.data.refinement
@@ -49,7 +49,7 @@ def test_a_gap_is_found_as_wide_as_it_is(true_gap):
     ("play", "cubic", "share"), [(2e-2, 0.0, 1.0), (4e-2, 1e3, 1.0 / 3.0), (0.0, 2e4, 0.0)]
 )
 def test_play_and_hardening_are_distinguished(play: float, cubic: float, share: float):
-    """Assert that the hidden stiffness is doubted, or a third of it or more beside hardening."""
+    """Assert the doubt about stiffness: all that play hides, or a third or more with hardening."""
     structure, data = posed(made(1, 7.0, half_gap=play, cubic_stiffness=cubic), "cubic_stiffness")
     found = gap.likely_play(structure, data)
     if not play:
@@ -66,7 +66,7 @@ def test_play_and_hardening_are_distinguished(play: float, cubic: float, share: 
 
 
 def test_a_link_that_no_spring_moves_has_no_play():
-    """Assert that play is not sought where something else moves the link, as in a clamped one."""
+    """Assert that play is not tried if something other than the spring moves the link."""
     structure, own = posed(made(1, 10.0))
     rng = np.random.default_rng(0)
     (samples,) = own.samples
@@ -78,7 +78,7 @@ def test_a_link_that_no_spring_moves_has_no_play():
 
 
 def test_a_width_that_fits_worse_is_not_taken():
-    """Assert that a spring that bends, and has no gap, keeps the width that its shape had."""
+    """Assert that a bent spring without a gap keeps its first width."""
     bend = made(1, 7.0, bend=0.1, bend_stiffness=30.0)
     bent, _ = fit_to(with_gap(0.0, "backlash").structure, data(bend), COEFFICIENTS, 1.0)
     assert half_gap(bent) > 0.0
@@ -96,7 +96,7 @@ def test_a_width_that_fits_worse_is_not_taken():
     ids=["spring", "inertia and spring", "bound"],
 )
 def test_a_gap_beside_what_is_given(true_gap, given):
-    """Assert that gap and width are found where the spring is known, or a bound stops a value."""
+    """Assert that gap and width are found with a known spring, or with a value at a bound."""
     found = identify([log(made(1, 7.0, half_gap=true_gap))], given)
     assert found.parameters["half_backlash"].value == pytest.approx(true_gap, rel=0.05)
     assert found.parameters["half_backlash"].std > 0.0
@@ -106,7 +106,7 @@ def test_a_gap_beside_what_is_given(true_gap, given):
 
 @pytest.mark.parametrize("terms", [{"half_gap": HALF_GAP}, {"cubic_stiffness": 4e3}], ids=str)
 def test_encoders_need_not_share_a_zero(terms: dict[str, Any]):
-    """Assert that a spring that curves or has play is the same wherever encoders' zeros are."""
+    """Assert that a curved spring or play is estimated alike for any zeros of the encoders."""
     recording = made(1, 7.0, **terms)
     apart = replace(recording, link_position=recording.needed_link_position + 0.7)
     found, other = (identify([log(own)]) for own in (recording, apart))
@@ -119,7 +119,7 @@ def test_encoders_need_not_share_a_zero(terms: dict[str, Any]):
 
 
 def test_half_the_way_may_lead_on(monkeypatch):
-    """Assert that from a width that is far away the geometric mean is tried after its own."""
+    """Assert that after the gap's own width the geometric mean is tried."""
     first = with_gap(HALF_GAP, "backlash")
     tried = []
 
@@ -136,7 +136,7 @@ LARGE = 0.3  # rad, of deflections of 0.6
 
 
 def with_large_gap(noise_of: int) -> Fitted:
-    """Play of half the deflection, fitted as wide as its gap, with noise drawn for each number."""
+    """Return a fit with play of half the deflection and its own width; the seed draws the noise."""
     recording = made(1, 7.0, half_gap=LARGE, noise=0.0)
     link, motor = 1e-4 * np.random.default_rng(noise_of).standard_normal((2, len(recording)))
     recording = seen(recording, link, motor)
@@ -147,7 +147,7 @@ def with_large_gap(noise_of: int) -> Fitted:
 
 
 def test_an_interval_knows_that_the_width_follows():
-    """Assert that values scatter from noise to noise as much as is said, not as much as without."""
+    """Assert that the scatter over noise matches the deviation with a free width only."""
     fits = [with_large_gap(seed) for seed in range(16)]
     place = fits[0].names.index("alpha_backlash")
     scatter = float(np.std([found.values[place] for found in fits], ddof=1))
@@ -155,13 +155,13 @@ def test_an_interval_knows_that_the_width_follows():
     assert half_gap(found) == pytest.approx(LARGE, rel=1e-3)
     noise = Estimate(found.names, found.values, found.minimum.reduced.inverse, (50.0,) * 6)
     said = with_free_width(noise, found).deviations[place]
-    assert 0.85 < said / scatter < 1.6  # 16 draws know the scatter within a sixth
+    assert 0.85 < said / scatter < 1.6  # 16 draws give the scatter to a sixth
     assert noise.deviations[place] < 0.75 * scatter
 
 
 @pytest.mark.parametrize("true_gap", [pytest.param(0.1, marks=pytest.mark.thorough), LARGE])
 def test_a_gap_as_large_as_the_deflection(true_gap, fits_seen: list[FinalFits]):
-    """Assert that play is found to which no fit without it leads, and its width is in intervals."""
+    """Assert that large play is found, and that intervals include the uncertainty of its width."""
     found = identify([log(made(1, 7.0, half_gap=true_gap, noise=1e-4))])
     assert found.choices.terms == (*PAPER_TERMS, "backlash")
     assert found.choices.hold == "cubic"
@@ -178,7 +178,7 @@ def test_a_gap_as_large_as_the_deflection(true_gap, fits_seen: list[FinalFits]):
 
 
 def test_the_deviation_of_a_centre() -> None:
-    """Assert by hand how the angle without torque follows from offsets and a stiffness."""
+    """Assert by hand the standard error of the spring's centre from offsets and stiffness."""
     values = {"theta2": 100.0, "theta_offset[0]": 2.0, "theta_offset[1]": 4.0, "beta1": 9.0}
     reduced = SimpleNamespace(inverse=np.diag([25.0, 4.0, 4.0, 1.0]))
     fitted: Any = SimpleNamespace(

@@ -1,4 +1,4 @@
-"""Intervals by the delta method, verdicts on them, and what both make of an estimate."""
+"""Intervals by the delta method and their verdicts."""
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
@@ -28,7 +28,7 @@ from flexid.models.physical import physical_parameters
 
 
 def verdict_on(half: float, value: float = 10.0, effect: float = np.inf) -> str:
-    """Verdict on a value whose interval reaches so far to either side."""
+    """Return the verdict on a value with this half width of its interval."""
     return verdict(value, (value - half, value + half), effect)[0]
 
 
@@ -46,7 +46,7 @@ def verdict_on(half: float, value: float = 10.0, effect: float = np.inf) -> str:
 )
 @pytest.mark.parametrize("value", [10.0, -10.0])
 def test_width_decides(value, half, expected, words):
-    """Assert that a fifth of the value is determined and the whole weak, with a reason else."""
+    """Assert the limits of 20 and 100 %, with a reason unless determined."""
     status, reason = verdict(value, (value - half, value + half))
     assert status == expected
     assert (reason == "") == (words == "")
@@ -54,7 +54,7 @@ def test_width_decides(value, half, expected, words):
 
 
 def test_what_else_counts():
-    """Assert that effect, zero, a longer upper end and ends at infinity count as they should."""
+    """Assert how the effect, a zero value, an asymmetric and an infinite interval count."""
     assert verdict_on(1.9, effect=1.0) == "determined"
     assert verdict_on(1e-12, 0.0) == "undetermined"
     assert verdict_on(1.0, 0.0, 0.039) == "determined"
@@ -67,7 +67,7 @@ def test_what_else_counts():
 
 
 def test_table_lists_every_threshold():
-    """Assert that each threshold stands in the table with a unit and a reason."""
+    """Assert that the table lists each threshold with a unit and a reason."""
     rows = table(replace(THRESHOLDS, weak_width=0.7))
     assert [row[0] for row in rows] == [f.name for f in fields(Thresholds)]
     assert {row[0]: row[1] for row in rows}["weak_width"] == 0.7
@@ -95,7 +95,7 @@ def judged(
     exact: Mapping[str, tuple[float, str]] | None = None,
     unknowns: Unknowns = UNKNOWNS,
 ) -> Judged:
-    """Coefficients and parameters of a drive that is known to 0.5 % where nothing else is said."""
+    """Return coefficients and parameters of a drive; deviations are 0.5 % unless given."""
     found = np.array([*values.values()])
     spread = [(deviations or {}).get(name, 0.005 * abs(v)) for name, v in values.items()]
     estimate = Estimate(tuple(values), found, np.diag(np.square(spread)), (50.0,) * len(values))
@@ -110,7 +110,7 @@ def judged(
     [("alpha1", MOTOR, LINK), ("beta1", MOTOR, LINK), ("theta2", LINK, MOTOR)],
 )
 def test_the_other_row_stands_for_itself(negative, own, other):
-    """Assert that a row with a negative spring or inertia is undetermined, and the other not."""
+    """Assert that a negative spring or inertia makes its own row undetermined, and no other."""
     found, _ = judged({**VALUES, negative: -VALUES[negative]})
     assert {found[name].verdict for name in own} == {"undetermined"}
     assert {found[name].verdict for name in other} == {"determined"}
@@ -118,7 +118,7 @@ def test_the_other_row_stands_for_itself(negative, own, other):
 
 @pytest.mark.parametrize("theta2", [-100.0, -1e-3])
 def test_a_negative_stiffness_leaves_the_motor_s_parameters_alone(theta2):
-    """Assert that nothing that rests on the link is determined, and all that is the motor's is."""
+    """Assert that parameters of the link are undetermined, and those of the motor determined."""
     found = {**(both := judged({**VALUES, "theta2": theta2}))[0], **both[1]}
     determined = {name for name, each in found.items() if each.verdict == "determined"}
     assert determined == MOTOR | {"joint_stiffness", "motor_inertia", "motor_viscous_friction"}
@@ -129,7 +129,7 @@ def test_a_negative_stiffness_leaves_the_motor_s_parameters_alone(theta2):
 
 
 def test_coefficients_and_parameters_by_hand():
-    """Assert values, intervals and slopes of what was estimated, and of what follows from it."""
+    """Assert values, intervals and slopes of coefficients and of derived parameters."""
     coefficients, parameters = judged({"input_delay": 0.0, **VALUES})
     assert {*coefficients} == {*VALUES}
     for name, value in VALUES.items():
@@ -137,14 +137,14 @@ def test_coefficients_and_parameters_by_hand():
         assert found.slopes == {name: 1.0}
         assert found.verdict == "determined"
         assert found.interval == pytest.approx((value * (1.0 - HALF), value * (1.0 + HALF)))
-    stiffness = parameters["joint_stiffness"]  # alpha1 over beta1, which err independently
+    stiffness = parameters["joint_stiffness"]  # alpha1 / beta1, with independent errors
     assert stiffness.value == pytest.approx(1000.0)
     assert stiffness.std == pytest.approx(1000.0 * 0.005 * 2.0**0.5)
     assert stiffness.slopes == pytest.approx({"alpha1": 1.0 / 0.3, "beta1": -1000.0 / 0.3})
 
 
 def test_what_is_given_has_no_width_and_says_so():
-    """Assert that a fixed coefficient, and a parameter that rests on nothing else, are given."""
+    """Assert that a fixed coefficient, and parameters that depend on it alone, are given."""
     free = {name: value for name, value in VALUES.items() if name != "beta1"}
     coefficients, parameters = judged(free, fixed={"beta1": (0.3, "given")})
     for found in (coefficients["beta1"], parameters["motor_inertia"]):
@@ -159,7 +159,7 @@ def test_what_is_given_has_no_width_and_says_so():
 
 @pytest.mark.parametrize(("effect", "expected"), [(0.039, "determined"), (0.041, "undetermined")])
 def test_what_hardly_moves_its_row_is_determined(effect, expected):
-    """Assert that half an interval about zero counts by its effect, in what follows from it too."""
+    """Assert that a value near zero is judged by its effect, as are parameters derived from it."""
     half = float(t.ppf(0.975, 50.0)) * 0.1
     coefficients, parameters = judged(
         VALUES | {"alpha2": 0.01}, {"alpha2": 0.1}, sizes={"alpha2": effect / half}
@@ -183,10 +183,10 @@ def test_a_product_of_determined_values_has_a_width_of_its_own():
 
 @pytest.mark.parametrize(("width", "known"), [(1.2, True), (0.05, False)])
 def test_slow_moves_know_the_whole_drive(width, known):
-    """Assert that friction and the sum of inertias are known where no coefficient of them is.
+    """Assert that friction and total inertia are determined while their coefficients are not.
 
     Of 10 kg m² the motor has 2.5; how they are divided moves alpha1, alpha2 and beta1 together. The
-    sum is reported in place of its parts alone.
+    sum is then reported in addition.
     """
     values = {"theta2": 100.0, "alpha1": 300.0, "alpha2": 0.8, "beta1": 0.4}
     divided = width * 0.4 * np.array([0.0, 100.0 * 10.0, 2.0, 1.0])
@@ -209,11 +209,11 @@ def test_slow_moves_know_the_whole_drive(width, known):
 
 
 def test_constants_of_shapes_are_judged_by_their_width():
-    """Assert value, interval, unit and verdict of a constant, and that one is part of the fit."""
+    """Assert value, interval, unit and verdict of a constant, fitted or fixed."""
     constants = {
         "stribeck_velocity": (0.15, 0.01, 50.0),
         "bend_deflection": (0.3, 0.1, 50.0),
-        "ripple_number": (7.0, np.inf, 0.0),  # held
+        "ripple_number": (7.0, np.inf, 0.0),  # fixed
     }
     found = constant_estimates(flexible(), constants)
     slopes = [dict(each.slopes) for each in found.values()]
@@ -237,12 +237,12 @@ def made(
     names: tuple[str, ...] = NAMES,
     degrees_of_freedom: tuple[float, ...] = (np.inf,) * 5,
 ) -> Estimate:
-    """A fit of which only the result is known."""
+    """Return an estimate with values and covariance alone."""
     return Estimate(names, values, covariance, degrees_of_freedom)
 
 
 def of(name: str, fit: Estimate) -> ValueEstimate:
-    """A function of a fit, the truth standing for what was given."""
+    """Return a physical parameter of an estimate; coefficients outside it are the true ones."""
     (own,) = (p for p in physical_parameters(NAMES, input_is_torque=True) if p.name == name)
     values = dict(zip(NAMES, TABLE_1.tolist(), strict=True))
     return judged_function(own, {**values, **fit.by_name}, fit)
@@ -258,13 +258,13 @@ def of(name: str, fit: Estimate) -> ValueEstimate:
     ],
 )
 def test_nothing_known_is_the_whole_line(std, freedom, ends, logarithmic):
-    """Assert that no information gives every number, or every positive one on the logarithm."""
+    """Assert that without information the interval is the real line, or the positive half line."""
     assert intervals.interval(2.0, std, freedom) == ends
     assert intervals.logarithmic_interval(2.0, std, freedom) == logarithmic
 
 
 def test_ends_that_are_many_powers_of_ten_apart_say_nothing():
-    """Assert that a positive number known to a factor of more than a million has no ends."""
+    """Assert that an interval of more than six powers of ten to either side becomes infinite."""
     deviation = np.log(1e6) / t.ppf(0.975, 9)  # of the logarithm
     low, high = intervals.logarithmic_interval(2.0, 1.99 * deviation, 9)
     assert (low, high) == pytest.approx((2e-6, 2e6), rel=0.1)
@@ -282,7 +282,7 @@ def test_delta_method_of_a_ratio():
 
 
 def test_the_least_known_coefficient_decides():
-    """Assert that of those involved the fewest degrees of freedom and infinite variances count."""
+    """Assert that the fewest degrees of freedom and infinite variances among its inputs count."""
     covariance = np.diag((0.01 * TABLE_1) ** 2)
     fit = made(TABLE_1, covariance, degrees_of_freedom=(2.0, 9.0, 8.0, 2.0, 7.0))
     assert of("joint_stiffness", fit).degrees_of_freedom == 7.0
@@ -298,7 +298,7 @@ def test_the_least_known_coefficient_decides():
     [
         ("motor_inertia", NAMES, True),
         ("link_inertia", NAMES, True),
-        ("link_inertia", NAMES[:4], False),  # alpha1 / theta2, beta1 being given
+        ("link_inertia", NAMES[:4], False),  # alpha1 / theta2, as beta1 is fixed
         ("joint_stiffness", NAMES, False),
         ("joint_stiffness", NAMES[:4], False),
         ("gravity_torque", NAMES, False),
@@ -306,7 +306,7 @@ def test_the_least_known_coefficient_decides():
     ],
 )
 def test_logarithm_where_division_prevails(name, fitted, expected):
-    """Assert that positive coefficients of negative degree in all get it, and no others."""
+    """Assert that functions of negative total degree have logarithmic intervals, and no others."""
     k = len(fitted)
     fit = made(TABLE_1[:k], np.diag((0.1 * TABLE_1[:k]) ** 2), fitted, (20.0,) * k)
     assert of(name, fit).logarithmic is expected
@@ -314,7 +314,7 @@ def test_logarithm_where_division_prevails(name, fitted, expected):
 
 @pytest.mark.parametrize("logarithmic", [False, True])
 def test_an_interval_has_any_level(logarithmic):
-    """Assert that a value's interval is that of Student's t at the level asked for."""
+    """Assert that an interval is Student's t interval at the requested level."""
     level, freedom = 0.8, 7.0
     half = t.ppf(0.5 + level / 2, freedom) * 0.3
     found = ValueEstimate(
@@ -326,7 +326,7 @@ def test_an_interval_has_any_level(logarithmic):
 
 @pytest.mark.parametrize("level", [0.0, 1.0, 95, -0.5, float("nan"), "0.95"])
 def test_what_is_no_level_is_refused(level):
-    """Assert that a percentage or a text is answered with what a level is."""
+    """Assert that a percentage or a text is refused, with an example of a valid level."""
     with pytest.raises(SettingError, match=r"0\.95"):
         ValueEstimate("x", "m", 2.0, 0.3, (1.0, 3.0), "weak").interval_at(level)
 
@@ -336,7 +336,7 @@ ESTIMATE = Estimate(("a", "b", "c"), np.array([1.0, 2.0, 3.0]), COVARIANCE, (5.0
 
 
 def test_widening_adds_covariances_and_scaling_keeps_correlations():
-    """Assert both, that values and freedom stay, and that what is free stays so, uncorrelated."""
+    """Assert that widening adds covariances, scaling keeps correlations, and infinities remain."""
     assert ESTIMATE.deviations.tolist() == [2.0, 3.0, np.inf]
     for more in (2.0, np.nan_to_num(np.inf)):
         found = ESTIMATE.widened(np.array([[1.0, 0.5, more], [0.5, 2.0, more], [more] * 3]))

@@ -1,4 +1,4 @@
-"""Linear axes: prismatic joints in m, N and kg, with one model and one set of names."""
+"""Linear axes: prismatic joints in m, N and kg, with the model and names of revolute joints."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ NOISE = 2e-7  # m
 
 
 def recorded(seed=1, duration=3.0):
-    """Time, positions and force of the axis under a sum of tones, two encoders with white noise."""
+    """Return time, positions and force of the axis: a sum of tones, white noise on the encoders."""
     rng, time = np.random.default_rng(seed), STEP * np.arange(round(duration / STEP))
     tones = 2.0 * np.pi * np.geomspace(0.7, 50.0, 9)
     force = 40.0 * np.sin(time[:, None] * tones + rng.uniform(0.0, 6.0, 9)).sum(axis=1)
@@ -38,7 +38,7 @@ def recorded(seed=1, duration=3.0):
 
 
 def log_of(position="m", force="N", factor=1.0, **more):
-    """The log with its positions in some unit."""
+    """Return a log with positions in this unit."""
     time, link, motor, drive = recorded(**more)
     return {
         "time [s]": time,
@@ -55,7 +55,7 @@ def axis():
 
 
 def test_an_axis_is_found_in_its_own_units(axis):
-    """Assert that the terms of the axis are found from its log alone, with what was put in."""
+    """Assert that terms and true values of the axis are found from its log alone."""
     assert axis.joint == "prismatic"
     assert axis.parameters.keys() == TRUTH.keys()
     for name, (value, unit) in TRUTH.items():
@@ -71,7 +71,7 @@ def test_an_axis_is_found_in_its_own_units(axis):
     ("unit", "factor"), [("mm", 1e3), ("m", 1e-4), ("m", 1e4)], ids=["mm", "small", "large"]
 )
 def test_no_length_is_built_in(axis, unit, factor):
-    """Assert that an axis in other units, or 10⁴ times as large, is the same but for its scale."""
+    """Assert that a change of units, or a scale of 10⁴, changes the estimate by its scale only."""
     other = flexid.identify(log_of(unit, factor=factor))
     size = factor if unit == "m" else 1.0
     assert other.terms == axis.terms
@@ -82,13 +82,13 @@ def test_no_length_is_built_in(axis, unit, factor):
 
 
 def test_what_turns_is_refused():
-    """Assert that a joint that turns is another kind."""
+    """Assert that logs of a revolute and a prismatic joint cannot be combined."""
     with pytest.raises(FlexidError, match=r"of a revolute joint, and .* a prismatic joint"):
         flexid.identify([log_of(), log_of("rad", "N m", seed=2)])
 
 
 def test_it_comes_back_from_a_file(axis, tmp_path):
-    """Assert that a stored estimate is that of a prismatic joint, and validates such logs only."""
+    """Assert that a stored estimate stays prismatic, and validates prismatic logs only."""
     loaded = flexid.load(axis.save(tmp_path / "estimate.json") or tmp_path / "estimate.json")
     assert loaded.joint == "prismatic"
     assert "prismatic flexible" in repr(loaded)
@@ -104,7 +104,7 @@ def test_it_comes_back_from_a_file(axis, tmp_path):
 
 
 def test_a_stream_of_it_learns_in_its_units():
-    """Assert that samples that are fed are those of a slide where a column map says so."""
+    """Assert that a stream uses linear units if its column map declares a prismatic joint."""
     _, link, motor, force = recorded(duration=6.0)
     watch = flexid.watch(sample_time=STEP, columns={"joint": "prismatic"}, filter_rate=100.0)
     watch.feed(link_position=link, motor_position=motor, motor_torque=force)

@@ -1,4 +1,4 @@
-"""The link alone, from logs of motion without an input, against drives that are not flexid's."""
+"""The link alone, from logs of motion without an input, simulated by an independent integrator."""
 
 from dataclasses import replace
 from typing import Any
@@ -18,18 +18,18 @@ from flexid.recording.recording import Log
 
 
 def motion(seed: int, **more: Any) -> Log:
-    """A made log without its torque."""
+    """Return a simulated log without its torque."""
     return log(replace(made(seed, **more), input=None, input_unit=""))
 
 
 @pytest.fixture(scope="module")
 def alone():
-    """A log of the paper's joint, motion alone, identified without any setting."""
+    """Return the result for a log of the paper's joint without torque, with default settings."""
     return identify([motion(1)])
 
 
 def test_link_may_be_asked_for(alone):
-    """Assert that it comes out to the bit as if no torque had been recorded, without a warning."""
+    """Assert that model "link" gives the same bits as a log without torque, without a warning."""
     assert alone.warnings == ()
     assert {p.unit for p in alone.parameters.values()} == {"1/s^2"}
     assert alone.compliance.visible
@@ -45,7 +45,7 @@ def test_link_may_be_asked_for(alone):
 
 
 def test_delay_may_pass_for_damping():
-    """Assert that both span what a delay would make of them, and are determined with it given."""
+    """Assert that intervals include what a delay could cause, and shrink if the delay is given."""
     damped = motion(4, joint_damping=0.5, link_viscous=0.3)
     result = identify([damped])
     assert {"joint_damping", "link_viscous"} <= set(result.choices.terms)
@@ -66,7 +66,7 @@ def test_delay_may_pass_for_damping():
 
 
 def test_signs_tell_of_a_delay():
-    """Assert that a delay may be as long as damping and friction over the stiffness, no longer."""
+    """Assert that the delay is bounded by damping and friction over the stiffness."""
     values = {"theta2": 100.0, "theta_damping": 0.5, "theta_viscous": 0.3}
     assert link_delay.possible(values) == (-0.005, 0.003)
     assert link_delay.doubtful(values) == set()
@@ -88,24 +88,24 @@ def test_signs_tell_of_a_delay():
     ],
 )
 def test_an_early_encoder_with_as_much_friction_is_damping(delay, friction, expected):
-    """Assert that both are one coefficient where they leave no friction, within a tenth."""
+    """Assert that delay and friction count as damping if their friction agrees within a tenth."""
     values = {"theta2": 100.0, "theta_viscous": friction, "link_delay": delay}
     assert link_delay.is_damping(values) == expected
     assert not link_delay.is_damping({"theta2": 100.0})
 
 
 def test_delay_moves_damping_and_friction_by_as_much():
-    """Assert that what a delay adds to one it takes from the other, in proportion to stiffness."""
+    """Assert that a delay shifts damping and friction by opposite amounts, times the stiffness."""
     names = ("theta2", "theta_damping", "theta_viscous", "link_delay")
     estimate = Estimate(names, np.array([100.0, 0.6, 0.3, 0.0]), np.zeros((4, 4)), (9.0,) * 4)
     added = link_delay.confused_covariance(estimate)
-    variance = 0.5 * (6.0**2 - 6.0 * 3.0 + 3.0**2) * 1e-6 / 3.0  # uniform from -6 to 3 ms, or none
+    variance = 0.5 * (6.0**2 - 6.0 * 3.0 + 3.0**2) * 1e-6 / 3.0  # uniform from -6 to 3 ms, or zero
     np.testing.assert_allclose(np.diag(added), [0.0, 1e4 * variance, 1e4 * variance, variance])
     assert added[1, 2] == pytest.approx(-1e4 * variance)
 
 
 def test_what_an_input_alone_gives_a_meaning_to_is_refused():
-    """Assert that a hold, or a log with the input beside it, is refused, and the model has none."""
+    """Assert that a hold, or a log with an input besides, is refused; the model has no input."""
     with pytest.raises(SettingError, match="no input, so this setting has no meaning"):
         identify([motion(1)], Settings(hold="zero"))
     with pytest.raises(RecordingError, match=r"made 6.*is missing, and in made 5 in N m"):

@@ -1,4 +1,4 @@
-"""An input is not what was logged: its noise and lag, a dead zone and a limit of its amplifier."""
+"""Errors of the logged input: noise, lag, and an amplifier's dead zone and limit."""
 
 from dataclasses import replace
 from functools import cache
@@ -49,7 +49,7 @@ NOISE = 2e-4  # rad, of the motor's encoder; twenty times that of the link's
 
 @cache
 def fitted(seed: int, noise: float = NOISE) -> Fitted:
-    """The link with gravity fitted to ten seconds of it, driven by a noisy motor position."""
+    """Return the link with gravity, fitted to 10 s with a noisy motor position as its input."""
     recording = made(seed)
     count = len(recording)
     motor = noise * np.random.default_rng(seed).standard_normal(count)
@@ -61,7 +61,7 @@ def fitted(seed: int, noise: float = NOISE) -> Fitted:
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_residuals_are_explained(seed):
-    """Assert that residuals far above the link's noise are what the motor's noise makes of them."""
+    """Assert that the motor encoder's noise explains residuals far above the link's noise."""
     found = fitted(seed)
     beyond = found.excess - 1.0
     assert beyond > 2.0
@@ -71,7 +71,7 @@ def test_residuals_are_explained(seed):
 
 
 def test_deviations_are_those_of_many_logs():
-    """Assert that the estimates of thirty logs scatter as one of them foretells."""
+    """Assert that estimates of thirty logs scatter as predicted from single logs."""
     values = np.array([fitted(seed).values for seed in range(10, 40)])
     scatter = np.sqrt(np.mean((values - [*TRUTH.values()]) ** 2, axis=0))
     foretold = np.mean([input_noise(fitted(seed)).deviations for seed in range(10, 14)], axis=0)
@@ -79,7 +79,7 @@ def test_deviations_are_those_of_many_logs():
 
 
 def test_no_interval_is_narrower():
-    """Assert that an interval is as wide as the noise of the input makes it, blocks or not."""
+    """Assert that an interval is at least as wide as the noise of the input requires."""
     found = fitted(1)
     none = ModelError(0.0, 0.0, 0.0)
     least = 10.0 * found.fit.deviations
@@ -90,7 +90,7 @@ def test_no_interval_is_narrower():
 
 @cache
 def gain(seed: int, noise: float, motor_push: float = 0.0) -> tuple[float, float]:
-    """Errors of a drive's gain over it: what it is, and what more noise of its torque would add."""
+    """Return relative errors of a gain: the actual one, and the predicted effect of more noise."""
     made = pushed(seed, motor_push=motor_push)
     more = noise * np.random.default_rng(seed + 50).standard_normal(len(made))
     log, viscous = data(replace(made, input=made.needed_input + more)), structure("motor_viscous")
@@ -102,7 +102,7 @@ def gain(seed: int, noise: float, motor_push: float = 0.0) -> tuple[float, float
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_noisy_torque_takes_the_gain_for_too_small(seed):
-    """Assert that the error of a gain is foretold by what as much noise again would do to it."""
+    """Assert that the error of a gain is predicted within a factor of 0.5 to 1.5."""
     error, foretold = gain(seed, 1.44)
     assert error < -0.05
     assert 0.5 * error > foretold > 1.5 * error
@@ -110,25 +110,25 @@ def test_a_noisy_torque_takes_the_gain_for_too_small(seed):
 
 @pytest.mark.parametrize(("noise", "push"), [(0.0, 2.0), (0.24, 0.0)])
 def test_what_is_no_noise_of_a_torque_pulls_nothing(noise, push):
-    """Assert that neither a push of the motor nor a noise that few samples show moves a gain."""
+    """Assert that neither a push of the motor nor small torque noise shifts the gain."""
     assert abs(gain(1, noise, push)[1]) < 1e-3
 
 
 def late(recording: Recording) -> Fitted:
-    """The joint of a recording, with a delay of its input."""
+    """Return the joint fitted to a recording, with an unknown delay of its input."""
     sought = replace(PAPER, timing=Timing("cubic", sought=(INPUT,)))
     return fit_to(sought, data(recording), {**COEFFICIENTS, INPUT: 1e-3}, 1.0)[0]
 
 
 def low_passed(values: np.ndarray, lag: float) -> np.ndarray:
-    """A channel behind a first-order lag, in samples."""
+    """Return a channel after a first-order lag, given in samples."""
     kept = lag / (1.0 + lag)
     return lfilter([1.0 - kept], [1.0, -kept], values - values[0]) + values[0]
 
 
 @cache
 def behind_a_lag(noise: float, lag: float) -> Fitted:
-    """The same where the torque lags so many s behind its record, or the record behind it."""
+    """Return a fit with the torque `lag` s behind its record, or if negative the reverse."""
     recording = made(1, noise=noise)
     torque = recording.needed_input
     logged = torque + lag * np.gradient(torque, SAMPLE_TIME)
@@ -140,13 +140,13 @@ def behind_a_lag(noise: float, lag: float) -> Fitted:
 @pytest.mark.parametrize(
     ("noise", "lag", "share"),
     [
-        (3e-4, 6e-3, 1.0),  # the log says that it is a lag
+        (3e-4, 6e-3, 1.0),  # the log shows a lag
         (3e-4, -6e-3, 1.0),
-        (3e-2, 6e-3, 3.0**-0.5),  # it does not say
+        (3e-2, 6e-3, 3.0**-0.5),  # the log does not distinguish lag and delay
     ],
 )
 def test_a_lag_in_a_delays_place_has_the_error_that_it_makes(noise, lag, share):
-    """Assert the error of the motor's gain, 0.4 % of it, and that the delay has none."""
+    """Assert the predicted error of the motor's gain, about 0.4 %, and none of the delay."""
     place = behind_a_lag(3e-4, lag).names.index("beta1")
     error = COEFFICIENTS["beta1"] - behind_a_lag(3e-4, lag).values[place]
     found = lagged(behind_a_lag(noise, lag))
@@ -155,7 +155,7 @@ def test_a_lag_in_a_delays_place_has_the_error_that_it_makes(noise, lag, share):
 
 
 def test_a_delay_is_no_lag():
-    """Assert that a log which says so has no such error, nor one without a delay."""
+    """Assert no such error for a true delay, or for a lead."""
     assert not lagged(late(made(1, input_delay=3e-3))).any()
     recording = made(1)
     torque, times = recording.needed_input, recording.sample_time * np.arange(len(recording))
@@ -165,25 +165,25 @@ def test_a_delay_is_no_lag():
 
 
 PLANT = Plant(1.0, 0.3, 100.0, motor_viscous=0.2, back_emf=1.0, coulomb=0.3, friction_width=1e-2)
-GAIN = 1.0 / 0.3  # rad/s^2 for each unit of the input
+GAIN = 1.0 / 0.3  # rad/s² for each unit of the input
 STEP = 2e-3  # s
 TONES = np.array([0.7, 3.3, 5.3, 8.1, 12.0, 17.0, 21.0, 25.0])  # rad/s
 ENCODER_NOISE = 2e-5  # rad
 REST = 1.5  # s
-STICKING = 0.25  # V, which friction holds
+STICKING = 0.25  # V, below stiction
 
 
 def recorded(
     dead_zone: float, limit: float, unit: str = "V", *, square: bool = False, rests: bool = False
 ) -> Recording:
-    """A log of the commanded input, made by an integrator that is not flexid's."""
+    """Return a log of the commanded input, simulated by an independent integrator."""
     rng = np.random.default_rng(20261124)
     times = STEP * np.arange(4000)
     phases = rng.uniform(0.0, 2.0 * np.pi, len(TONES))
     command = 2.5 * np.sin(np.outer(times, TONES) + phases).sum(axis=1)
     if square:
         command = 4.0 * np.sign(np.sin(2.0 * times))
-    if rests:  # with a voltage that friction holds, as an integral control leaves it
+    if rests:  # with a voltage below stiction, as an integral controller leaves it
         held = STICKING * np.sign(np.sin(np.pi * times / REST + 0.3))
         command = np.where(times % (2.0 * REST) < REST, 0.4 * command, held)
     plant = PLANT._replace(dead_zone=dead_zone, saturation=limit - dead_zone)
@@ -203,14 +203,14 @@ def recorded(
     ],
 )
 def test_what_an_amplifier_passes_on(dead_zone: float, limit: float | None, passed: list[float]):
-    """Assert the characteristic, point by point."""
+    """Assert the characteristic of an amplifier, point by point."""
     commanded = np.array([-5.0, -0.2, 0.0, 0.7, 5.0])
     np.testing.assert_allclose(Amplifier(dead_zone, limit).passed(commanded), passed, atol=1e-15)
 
 
 @pytest.mark.parametrize(("dead_zone", "limit"), [(0.0, 6.0), (0.4, 6.0)])
 def test_an_amplifier_is_found(dead_zone: float, limit: float):
-    """Assert both constants, and a gain that is right; uncorrected it is not within 4 %."""
+    """Assert dead zone and limit, and a gain within 1 %."""
     recording = recorded(dead_zone, limit)
     assert np.abs(recording.needed_input).max() > 8.0
     found = identify([log(recording)])
@@ -226,7 +226,7 @@ def test_an_amplifier_is_found(dead_zone: float, limit: float):
 
 
 def test_a_torque_that_was_commanded_has_a_limit():
-    """Assert that it is found, and that the intervals allow for how well it is known."""
+    """Assert that the limit is found, and that intervals include its uncertainty."""
     found = identify([log(recorded(0.0, 6.0, "N m"))])
     assert found.choices.amplifier.dead_zone == 0.0
     assert found.choices.amplifier.limit == pytest.approx(6.0, rel=0.01)
@@ -240,7 +240,7 @@ def test_a_torque_that_was_commanded_has_a_limit():
 
 @pytest.mark.thorough  # 6 s
 def test_a_log_that_was_low_passed_is_corrected():
-    """Assert that a filter of 20 ms is found, and values that it made 6 % wrong are right."""
+    """Assert that a filter of 20 ms is found, and that values are right with its correction."""
     trial = make_trial("coulomb", 2020)
     logged = low_passed(trial.torque, 20e-3 / (trial.time[1] - trial.time[0]))
     sides = trial.link_position, trial.motor_position
@@ -254,7 +254,7 @@ def test_a_log_that_was_low_passed_is_corrected():
 
 
 def test_a_lag_is_undone_in_parts_as_in_the_whole():
-    """Assert that what was in front of a filter is the same of a stream and of a recording."""
+    """Assert that a lag is inverted exactly, and in parts with the same bits as in the whole."""
     sent = np.random.default_rng(4).standard_normal(300)
     amplifier = Amplifier(log_lag=4.5e-3)
     logged = low_passed(sent, 4.5)
@@ -268,8 +268,8 @@ def test_a_lag_is_undone_in_parts_as_in_the_whole():
 
 
 WAVE = np.sin(np.linspace(0.0, 40.0, 4000))
-EDGES = np.sign(WAVE) * np.minimum(np.abs(WAVE) / 0.1, 1.0)  # slow ones, of 6 % of the time
-WAVES = {  # whether a cube shows in it
+EDGES = np.sign(WAVE) * np.minimum(np.abs(WAVE) / 0.1, 1.0)  # slow edges, 6 % of the time
+WAVES = {  # whether a cubic term is identifiable from it
     "switched": (np.sign(WAVE), False),
     "switched between 1 and 2": (1.5 + 0.5 * np.sign(WAVE), False),
     "constant": (np.full(len(WAVE), 2.0), False),
@@ -284,7 +284,7 @@ WAVES = {  # whether a cube shows in it
 @pytest.mark.parametrize("noise", [0.0, 0.005, 0.05, 0.15])
 @pytest.mark.parametrize("wave", WAVES)
 def test_what_shows_a_cube_of_the_input(wave: str, noise: float):
-    """Assert that a gain and an offset stand for a cube where an input has two or three levels."""
+    """Assert that a cubic term is not identifiable for an input with two or three levels."""
     inputs, shows = WAVES[wave]
     noisy = inputs + noise * np.random.default_rng(1).standard_normal(len(inputs))
     samples = Samples(np.zeros((len(inputs), 2)), None, noisy[:, None], SAMPLE_TIME)
@@ -294,7 +294,7 @@ def test_what_shows_a_cube_of_the_input(wave: str, noise: float):
 @pytest.mark.thorough  # 4 s each
 @pytest.mark.parametrize("fault", ["noise", "drift", "low-passed"])
 def test_a_switched_torque_that_is_not_the_one_that_acts(fault: str):
-    """Assert that values are right, of which a saturation or a limit made a third or less."""
+    """Assert right values and no limit, although noise, drift or a filter distorts the torque."""
     trial = make_trial("torque_steps", 2023 if fault == "low-passed" else 2021)
     drawn = np.random.default_rng(2).standard_normal(len(trial.torque))
     logged = {
@@ -315,7 +315,7 @@ def test_a_switched_torque_that_is_not_the_one_that_acts(fault: str):
     [(0.0, np.inf, "V", False), (0.4, np.inf, "V", True), (0.4, np.inf, "N m", False)],
 )
 def test_what_cannot_be_seen_is_not_corrected(dead_zone, limit, unit, square):
-    """Assert that a linear amplifier, a square wave, and a torque's dead zone are left alone."""
+    """Assert no correction for a linear amplifier, a square wave, or the dead zone of a torque."""
     recording = recorded(dead_zone, limit, unit, square=square)
     found = identify([log(recording)])
     assert found.choices.amplifier == IDEAL
@@ -327,7 +327,7 @@ def test_what_cannot_be_seen_is_not_corrected(dead_zone, limit, unit, square):
 
 @pytest.mark.parametrize("dead_zone", [0.0, 0.15])
 def test_a_motor_that_sticks_shows_no_dead_zone(dead_zone: float):
-    """Assert that what friction holds at rest is not taken for a dead zone, nor hides one."""
+    """Assert that stiction is not mistaken for a dead zone, and hides none."""
     recording = recorded(dead_zone, np.inf, rests=True)
     found = identify([log(recording)])
     assert found.choices.amplifier.dead_zone == pytest.approx(dead_zone, abs=0.03)
@@ -337,7 +337,7 @@ def test_a_motor_that_sticks_shows_no_dead_zone(dead_zone: float):
 
 @pytest.mark.parametrize(("limit", "crossed"), [(0.5, False), (1.0, False), (1.7, True)])
 def test_square_waves_cross_no_limit(limit: float, crossed: bool):
-    """Assert that those of one size each lie on one side of it, and that peaks beyond it count."""
+    """Assert that square waves on one side of a limit do not cross it, but peaks beyond it do."""
     waves: Any = [SimpleNamespace(inputs=np.full((50, 1), size)) for size in (0.75, -1.5)]
     waves[1].inputs[:1] = 1.8
     assert _is_crossed(cast(Any, SimpleNamespace(samples=waves)), Amplifier(limit=limit)) == crossed

@@ -1,4 +1,4 @@
-"""What residuals add to the intervals, on made logs with more, or noisier, than the model has."""
+"""Widening of intervals by residuals, on simulated logs with unmodelled effects or more noise."""
 
 from dataclasses import replace
 from functools import cache
@@ -24,19 +24,19 @@ TRUTH = np.array([*COEFFICIENTS.values()])
 
 @cache
 def fitted(seed: int, **more: Any) -> tuple[Fitted, ModelError]:
-    """The paper's model fitted to ten seconds of a drive that may have more, and its error."""
+    """Return the paper's model fitted to 10 s of a drive with more effects, and the model error."""
     found, lengths_fitted = fit_to(PAPER, data(made(seed, 10.0, **more)), COEFFICIENTS, 1.0)
     return found, model_error(found, lengths_fitted, THRESHOLDS)
 
 
 def misses(found: Fitted, estimate: Any) -> np.ndarray:
-    """Errors over half the 95 % intervals: beyond 1 an interval misses the truth."""
+    """Return errors over half widths of the 95 % intervals; above 1 the interval is wrong."""
     return np.abs(found.values - TRUTH) / half_widths(estimate)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_right_model_is_not_widened(seed):
-    """Assert that white noise is all there is in intervals, unless residuals are larger."""
+    """Assert that only white noise enters the intervals, unless residuals are larger."""
     found, error = fitted(seed)
     assert error.share == 0.0
     unit = found.unit_deviations
@@ -49,7 +49,7 @@ def test_right_model_is_not_widened(seed):
 
 
 def test_what_widens():
-    """Assert that the last of steps that did not end does, and the root of residuals' sum."""
+    """Assert that an unconverged last step widens, and the model error by its squared share."""
     found, error = fitted(1)
     step = 3.0 * found.unit_deviations * np.array([1.0, 0.0, -1.0, 0.0, 0.0])
     reduced = replace(found.minimum.reduced, values_step=step)
@@ -69,7 +69,7 @@ def test_what_widens():
     [({"half_gap": 0.003}, 2.0), ({"ripple_torque": 0.5, "ripple_number": 10}, 0)],
 )
 def test_what_no_term_describes_widens(more: dict[str, float], missed: float, seed: int):
-    """Assert that a gap of 6 mrad and a ripple are seen, and that their bias is covered."""
+    """Assert that a gap of 6 mrad and a ripple are detected, and that their bias is covered."""
     found, error = fitted(seed, **more)
     assert error.share > 0.5
     assert misses(found, found.fit).max() > missed
@@ -82,7 +82,7 @@ LIMITS = replace(
 
 
 def growing(power: float, unexplained: float = 0.0) -> list[tuple[float, ...]]:
-    """Noise over a quarter of a second, and 50 times as much in 1 s, growing with a power of it."""
+    """Return excesses by duration: noise over 0.25 s, 50 times as much in 1 s, then a power law."""
     later = [(time, 1.0 + 50.0 * time**power, unexplained) for time in (1.0, 2.0, 4.0)]
     return [(0.25, 1.0), *later]
 
@@ -93,7 +93,7 @@ ONE_END = replace(LIMITS, white_growth=0.6, repeated_growth=0.6)
 @pytest.mark.parametrize(
     ("found", "limits", "share"),
     [
-        # By the power with which residuals grow: noise of the torque's is the third.
+        # Growth of residuals by its power of time; the noise of a torque has the third power.
         (growing(3.0), LIMITS, 0.0),
         (growing(2.61), LIMITS, 0.0),
         (growing(2.4), LIMITS, 0.5),
@@ -102,24 +102,24 @@ ONE_END = replace(LIMITS, white_growth=0.6, repeated_growth=0.6)
         (growing(3.39), LIMITS, 0.0),
         (growing(3.6), LIMITS, 0.5),
         (growing(4.0), LIMITS, 1.0),
-        # Both ends of what is noise may be one.
+        # Lower and upper limit of noise may coincide.
         (growing(2.5), ONE_END, 0.0),
         (growing(2.3), ONE_END, 1.0),
-        # What grows like noise, but is as large as the deflection, is an error.
+        # Residuals that grow like noise are an error if as large as the deflection.
         (growing(3.0, 0.09), LIMITS, 0.0),
         (growing(3.0, 0.11), LIMITS, 0.0111),
         (growing(3.0, 0.55), LIMITS, 0.5),
         (growing(3.0, 1.0), LIMITS, 1.0),
-        # A tenth more than noise may be noise where short segments leave more, too.
+        # An excess of a tenth may be noise if short segments have it too.
         ([(0.25, 1.2), (1.0, 1.09), (2.0, 1.09)], LIMITS, 0.0),
         ([(0.25, 1.2), (1.0, 1.15), (2.0, 1.15)], LIMITS, 1.0),
-        # Chance: three deviations, 3 √400 = 60, of a sum of squares of a million.
+        # Chance: three standard deviations, 3 √400 = 60, of a sum of squares of a million.
         ([(0.25, 1.0), (1.0, 1.0 + 55e-6), (2.0, 1.0 + 55e-6)], LIMITS, 0.0),
         ([(0.25, 1.0), (1.0, 1.0 + 65e-6), (2.0, 1.0 + 65e-6)], LIMITS, 1.0),
     ],
 )
 def test_what_of_the_residuals_is_an_error(found, limits, share):
-    """Assert its share by duration, size and what is unexplained, of 10⁶ numbers and 200 states."""
+    """Assert the model error's share for 10⁶ numbers and 200 initial states."""
 
     def fit(duration: float, excess: float, unexplained: float = 0.0) -> Any:
         return SimpleNamespace(
@@ -140,7 +140,7 @@ def test_what_of_the_residuals_is_an_error(found, limits, share):
 
 
 def test_what_is_unexplained_is_a_share_of_the_deflection():
-    """Assert the share, in proportion to a longer time, and no less over a shorter one."""
+    """Assert the unexplained share; it grows with a longer time and is kept for a shorter one."""
     right, _ = fitted(1)
     assert right.unexplained < 1e-3
     gapped, _ = fitted(1, half_gap=0.003)
@@ -154,13 +154,13 @@ def test_what_is_unexplained_is_a_share_of_the_deflection():
 
 
 def made_up(*names: str, excess: float = 1.0) -> Any:
-    """As much of a fit as stand-ins need."""
+    """Return a stand-in for a fit with these coefficients."""
     joint = SimpleNamespace(shapes=frozenset({"alpha_backlash"}), nonlinear={})
     return SimpleNamespace(structure=SimpleNamespace(joint=joint), names=names, excess=excess)
 
 
 def test_a_stand_in_is_as_doubtful_as_it_bends_the_others():
-    """Assert that coefficients are uncertain by what they move without a cube that is a gap."""
+    """Assert that a cubic term in place of a gap widens other values by their change without it."""
     wider, log = structure(*PAPER_TERMS, "cubic_stiffness"), data(made(3, 10.0, half_gap=1e-3))
     found, lengths_fitted = fit_to(wider, log, COEFFICIENTS, 1.0)
     error = model_error(found, lengths_fitted, THRESHOLDS)
@@ -175,7 +175,7 @@ def test_a_stand_in_is_as_doubtful_as_it_bends_the_others():
 
 
 def test_each_stand_in_is_doubted_by_itself(monkeypatch):
-    """Assert that a coefficient is uncertain by the most that it moves without one or all."""
+    """Assert that a coefficient is widened by its largest change without one or all stand-ins."""
     moved = {
         frozenset({"alpha_cubic", "alpha_backlash"}): np.array([0.1, -2.0, 0.0]),
         frozenset({"alpha_cubic"}): np.array([-3.0, 1.0, 0.0]),
@@ -186,7 +186,7 @@ def test_each_stand_in_is_doubted_by_itself(monkeypatch):
     found = made_up("theta2", "alpha_cubic", "alpha_backlash")
     added = stand_in_covariance(found, ModelError(0.1, 0.0, 0.5), THRESHOLDS)
     assert added[0, 0] == pytest.approx(0.25 * 9.0)
-    assert np.count_nonzero(added) == 1  # the stand-ins themselves are not
+    assert np.count_nonzero(added) == 1  # the stand-ins themselves are not widened
 
 
 @pytest.mark.parametrize(
@@ -194,7 +194,7 @@ def test_each_stand_in_is_doubted_by_itself(monkeypatch):
     [(1.09, True, False), (1.11, True, True), (1.0, False, True)],
 )
 def test_play_that_explains_is_no_stand_in(monkeypatch, excess, dead_zone, doubted):
-    """Assert that play alone is doubted if it is no dead zone or leaves more than noise."""
+    """Assert that play is doubted only if it is no dead zone or leaves more than noise."""
     monkeypatch.setattr(modelling, "_moved_without", lambda *_: np.array([2.0, 1.0]))
     monkeypatch.setattr(modelling, "is_dead_zone", lambda _: dead_zone)
     found = made_up("theta2", "alpha_backlash", excess=excess)
@@ -203,7 +203,7 @@ def test_play_that_explains_is_no_stand_in(monkeypatch, excess, dead_zone, doubt
 
 
 def test_a_negative_friction_may_be_none(monkeypatch):
-    """Assert that it is uncertain by all of itself, and the others by what they move without it."""
+    """Assert that a negative friction is widened by its size, and other values by their change."""
     wider = structure(*PAPER_TERMS, "joint_damping", "link_viscous")
     driving, _ = fit_to(wider, data(made(3, 10.0, joint_damping=-0.05)), COEFFICIENTS, 1.0)
     names = modelling.driving_frictions(driving, THRESHOLDS)
@@ -224,7 +224,7 @@ def test_a_negative_friction_may_be_none(monkeypatch):
     [("alpha2", -3.9, False), ("alpha2", -4.1, True), ("alpha2", 5.0, False), ("theta2", -9.0, 0)],
 )
 def test_a_friction_drives_beyond_noise(name, deviations, driving):
-    """Assert that one below zero by chance is none, and that a spring is no friction."""
+    """Assert that a friction counts as driving below -4 standard deviations, and a spring never."""
     usual, _ = fitted(1)
     place, values = usual.names.index(name), usual.values.copy()
     values[place] = deviations * max(usual.fit.deviations[place], usual.unit_deviations[place])
@@ -236,7 +236,7 @@ def test_a_friction_drives_beyond_noise(name, deviations, driving):
 
 
 def test_a_driving_friction_is_doubted_and_named():
-    """Assert that one that a log shows beyond noise has zero in its interval, and a warning."""
+    """Assert that a clearly negative friction has zero in its interval, and a warning."""
     settings = Settings(terms=(*PAPER_TERMS, "joint_damping"), hold="cubic", link_delay=0.0)
     found = identify([log(made(3, 10.0, joint_damping=-0.05))], settings)
     damping = found.parameters["joint_damping"]

@@ -1,4 +1,4 @@
-"""What a user may set, how logs become recordings with held-out ends, and terms of the joints."""
+"""Settings, preparation of logs into recordings with held-out ends, and terms of the joints."""
 
 from dataclasses import replace
 from functools import partial
@@ -86,7 +86,7 @@ REFUSED: dict[str, list[dict[str, Any]]] = {
 
 
 def test_what_a_log_can_show_is_taken():
-    """Assert that numbers at the edge of what the samples show pass."""
+    """Assert that settings at the limits of a log's samples are accepted."""
     usable = Settings(segment_duration=30.0, filter_rate=499.0, input_delay=2.0, link_delay=-2.0)
     check_against(usable, 1e-3, 20.0)
     assert usable.given_delay == 2.0
@@ -110,7 +110,7 @@ def log(*recordings, digest=""):
 
 
 def test_a_model_leaves_channels_aside():
-    """Assert that a rigid joint leaves the link's, and that naming what a log shows leaves none."""
+    """Assert that model "rigid" omits the link's channels, and "flexible" equals the default."""
     whole = log(recording())
     (kept,) = prepare([whole], SHARE, "rigid")[0].recorded
     assert kept.link_position is kept.link_velocity is None
@@ -119,7 +119,7 @@ def test_a_model_leaves_channels_aside():
 
 
 def lacking(channel: str) -> Log:
-    """A log without its input, or without the link's position."""
+    """Return a log without its input, or without the link's position."""
     whole = recording(link=channel == "input")
     return log(replace(whole, input=None, input_unit="") if channel == "input" else whole)
 
@@ -137,7 +137,7 @@ TOGETHER: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
 
 
 def test_what_has_no_meaning(refusals):
-    """Assert that settings that would go unheeded, and logs of no use to them, are named."""
+    """Assert that settings without effect, and logs that do not suit the model, are refused."""
     calls: dict[str, Any] = {
         f"{where}, {settings}": lambda asked=WHERE[where], of=settings: asked(Settings(**of))
         for where in WHERE
@@ -156,7 +156,7 @@ def test_what_has_no_meaning(refusals):
 
 
 def test_end_of_every_recording_is_held_out():
-    """Assert that the last third of each recording is cut off, and that logs are told apart."""
+    """Assert that the last third of each recording is held out, and logs form groups."""
     recordings, warnings = prepare(
         [log(recording(300), recording(600, start=9.0)), log(recording(900))], SHARE
     )
@@ -169,9 +169,9 @@ def test_end_of_every_recording_is_held_out():
 
 
 def test_a_long_log_is_searched_in_windows():
-    """Assert that three windows of ten thousand samples or 3 s are spread over what is fitted."""
+    """Assert three windows of 10 000 samples or 3 s, spread over the data that are fitted."""
     short = recording(6000)
-    swing = np.sin(0.5 * np.arange(120_000))  # the best window for its velocity is short
+    swing = np.sin(0.5 * np.arange(120_000))  # its velocity is estimated with a short window
     long = replace(recording(120_000, start=4.0), link_position=swing, motor_position=0.9 * swing)
     split, _ = prepare([log(long), log(short)], SHARE)
     searched, groups = split.searched
@@ -188,7 +188,7 @@ def test_a_long_log_is_searched_in_windows():
 
 
 def test_short_recordings_cost_one_warning_for_a_log():
-    """Assert that recordings too short to fit are left out where others are not, and counted."""
+    """Assert that recordings too short to fit are omitted and counted, if others suffice."""
     short = [recording(40, start=float(n)) for n in range(9)]
     first, second = log(recording(300), *short), log(recording(300, source="b.csv"), short[0])
     recordings, warnings = prepare([first, second], SHARE)
@@ -198,7 +198,7 @@ def test_short_recordings_cost_one_warning_for_a_log():
 
 
 def test_the_shortest_recordings_of_a_log_are_left_out():
-    """Assert that those go that hold up to 3 % of a log, however short another log is."""
+    """Assert that each log omits its shortest recordings, up to 3 % of its samples."""
     parts = [recording(count) for count in (100, 4000, 85, 135, 6000)]
     split, (warning,) = prepare([log(*parts), log(recording(90))], SHARE)
     assert [len(own) for own in split.recorded] == [4000, 135, 6000, 90]
@@ -207,7 +207,7 @@ def test_the_shortest_recordings_of_a_log_are_left_out():
 
 
 def test_fitted_velocities_do_not_know_of_held_out_positions():
-    """Assert that other held-out positions change no velocity before them."""
+    """Assert that held-out positions do not affect velocities before them."""
     known, late = recording(300), np.arange(300) >= 200
     link = np.where(late, 50.0, known.needed_link_position)
     motor = np.where(late, -50.0, known.motor_position)
@@ -223,7 +223,7 @@ SAMPLE_TIME = 2e-3
 
 
 def late_log(link_delay=0.0, input_delay=0.0, by_deflection=False):
-    """Six seconds of a link encoder, or a deflection, and a torque that are late."""
+    """Return six seconds with a delayed torque and a delayed link encoder or deflection."""
     at = 0.1 + SAMPLE_TIME * np.arange(3000)
     late = late_motion(at, input_delay, link_delay, by_deflection)
     whole = Recording(SAMPLE_TIME, float(at[0]), *late, "N m")
@@ -231,7 +231,7 @@ def late_log(link_delay=0.0, input_delay=0.0, by_deflection=False):
 
 
 def delays(input_delay=0.0, link_delay=0.0):
-    """An alignment with these delays."""
+    """Return an alignment with these delays."""
     input_, link = (Delay(d, 0.0, (d, d), "given") for d in (input_delay, link_delay))
     return Alignment("linear", input_, link, "")
 
@@ -239,7 +239,7 @@ def delays(input_delay=0.0, link_delay=0.0):
 @pytest.mark.parametrize("by_deflection", [False, True])
 @pytest.mark.parametrize(("link_delay", "input_delay"), [(1.3e-3, 0.7e-3), (-3.1e-3, -4.4e-3)])
 def test_aligned_log_is_in_time(link_delay, input_delay, by_deflection):
-    """Assert that the aligned recording is the log that would have been in time."""
+    """Assert that the aligned recording equals the log without delays."""
     recording = late_log(link_delay, input_delay, by_deflection)
     moved = aligned(recording, delays(input_delay, link_delay))
     in_time = late_log()
@@ -253,7 +253,7 @@ def test_aligned_log_is_in_time(link_delay, input_delay, by_deflection):
 
 @pytest.mark.parametrize("encoders", [1, 2])
 def test_input_late_by_samples_keeps_its_values(encoders):
-    """Assert that a torque three samples late is that of three samples before, to the bit."""
+    """Assert that a delay of three samples shifts the torque with the same bits."""
     recording = late_log() if encoders == 2 else replace(late_log(), link_position=None)
     assert aligned(recording, delays()) is recording
     moved = aligned(recording, delays(input_delay=3 * SAMPLE_TIME))
@@ -263,7 +263,7 @@ def test_input_late_by_samples_keeps_its_values(encoders):
 
 
 def test_velocities_move_with_their_positions():
-    """Assert that a logged link velocity is moved as far as the link's position."""
+    """Assert that a logged link velocity is shifted together with the link's position."""
     recording = late_log(link_delay=1e-3)
     speed = np.gradient(recording.needed_link_position, SAMPLE_TIME)
     moved = aligned(replace(recording, link_velocity=speed), delays(link_delay=1e-3))
@@ -277,7 +277,7 @@ FLEXIBLE = flexible()
 
 @pytest.mark.parametrize("joint", [FLEXIBLE, rigid()], ids=["flexible", "rigid"])
 def test_terms_and_what_is_always_there_make_the_system(joint):
-    """Assert that each coefficient belongs to one term, or to the spring and the input's gain."""
+    """Assert that each coefficient belongs to one term, to the spring or to the input's gain."""
     of_terms = [c for names in joint.terms.values() for c in names]
     always = ["theta2", "alpha1", "beta1"] if joint.kind == "flexible" else ["beta1"]
     assert sorted([*of_terms, *always]) == sorted(joint.remembering.coefficients)
@@ -285,7 +285,7 @@ def test_terms_and_what_is_always_there_make_the_system(joint):
 
 @pytest.mark.parametrize("term", ["joint_damping", "cubic_stiffness", "backlash", "eccentricity"])
 def test_what_the_spring_does_to_both_sides_is_one_number(term):
-    """Assert that the link's side follows from the motor's by theta2/alpha1 = 0.3: 0.6 for 2."""
+    """Assert that link coefficients of the spring are theta2/alpha1 = 0.3 times the motor's."""
     found = FLEXIBLE.unknowns(FLEXIBLE.optional - {*FLEXIBLE.terms[term]}, {}, groups=(0,))
     known = {"theta2": 90.0, "alpha1": 300.0, "beta1": 1.0}
     values = [known.get(name, 2.0) for name in found.names]
@@ -296,7 +296,7 @@ def test_what_the_spring_does_to_both_sides_is_one_number(term):
 
 
 def moving(size: float) -> Samples:
-    """A motion of this size with a deflection a tenth of it."""
+    """Return a motion of this size, with a deflection of a tenth."""
     time = 0.01 * np.arange(1000)
     motor, twist = size * np.sin(time), 0.1 * size * np.sin(3.0 * time)
     speeds = np.column_stack((size * np.cos(time) + 0.3 * size * np.cos(3.0 * time),) * 2)
@@ -305,7 +305,7 @@ def moving(size: float) -> Samples:
 
 
 def test_shapes_scale_with_the_motion():
-    """Assert that twice the motion makes every width twice as wide, and needs no other kernel."""
+    """Assert that widths are proportional to the motion, and need no other kernel."""
     one, two = (FLEXIBLE.scaled([moving(size)]) for size in (1.0, 2.0))
     assert one.first["hysteresis_grip"] == pytest.approx(2.0 * two.first["hysteresis_grip"])
     width, smoothing = (
@@ -325,7 +325,7 @@ def test_shapes_scale_with_the_motion():
 
 
 def test_given_smoothing_takes_the_place_of_dry_friction():
-    """Assert that with a Coulomb velocity friction is smooth in every system, without shapes."""
+    """Assert that a Coulomb velocity makes friction smooth in every system, without shapes."""
     joint = FLEXIBLE.with_coulomb_velocity(0.01)
     assert joint.system is joint.extended is joint.smooth
     assert joint.system.constants["coulomb_velocity"] == 0.01

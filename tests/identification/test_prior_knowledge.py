@@ -1,4 +1,4 @@
-"""What the user states and knows: in terms of coefficients, joined to a fit, against the log."""
+"""Prior knowledge: conversion to coefficients, combination with a fit, and contradictions."""
 
 from dataclasses import replace
 from functools import partial
@@ -24,7 +24,7 @@ JOINT = flexible()
 
 
 def stating(known=None, deviations=None, bounds=None, joint=JOINT, unit="N m", **settings):
-    """Return what some settings state of a joint."""
+    """Return the statements of some settings about a joint."""
     made = Settings(
         known=known or {}, known_deviations=deviations or {}, bounds=bounds or {}, **settings
     )
@@ -46,13 +46,13 @@ def stating(known=None, deviations=None, bounds=None, joint=JOINT, unit="N m", *
     ],
 )
 def test_known_parameters_fix_coefficients(known, given):
-    """Assert that what follows from known parameters is given, in whichever order they stand."""
+    """Assert the coefficients that follow from known parameters, in any order."""
     for items in (known.items(), reversed(known.items())):
         assert stating(dict(items)).given == pytest.approx(given, rel=1e-9, abs=0.0)
 
 
 def test_what_is_left_to_the_fit():
-    """Assert that a stiffness alone is a condition, and an uncertain value is not fixed."""
+    """Assert that a known stiffness alone is a constraint, and an uncertain value is not fixed."""
     found = stating({"joint_stiffness": 100.0})
     assert found.given == {}
     assert [(k.name, k.value, k.std) for k in found.known] == [("joint_stiffness", 100.0, 0.0)]
@@ -76,7 +76,7 @@ def test_what_is_left_to_the_fit():
     ],
 )  # fmt: skip
 def test_bounds_of_one_unknown_are_bounds_of_its_coefficient(known, bounds, expected):
-    """Assert that bounds are the fit's own where all other coefficients are known."""
+    """Assert that a bound becomes one on a coefficient if all other coefficients are known."""
     found = stating(known, bounds=bounds)
     assert found.within == {}
     assert found.bounds.keys() == expected.keys()
@@ -104,14 +104,14 @@ ABSENT: dict[str, dict[str, Any]] = {
 
 
 def test_statements_that_cannot_be(refusals):
-    """Assert that what contradicts or repeats itself, or is not there, is refused, not ignored."""
+    """Assert that contradictory, repeated or inapplicable statements are refused."""
     calls = {str(one): partial(stating, *one) for one in EXCLUDING}
     calls |= {name: partial(stating, terms=("gravity",), **one) for name, one in ABSENT.items()}
     refusals(calls)
 
 
 def test_what_other_joints_have():
-    """Assert that ratios are known in volts, and that a rigid joint has names of its own."""
+    """Assert that ratios can be known in volts, and that a rigid joint has its own names."""
     assert stating({"joint_stiffness_per_link_inertia": 3.0}, unit="V").given == {"theta2": 3.0}
     found = stating({"inertia": 0.25}, bounds={"viscous_friction": (0.0, 1.0)}, joint=rigid())
     assert (found.given, found.bounds) == ({"beta1": 4.0}, {"gamma_viscous": (0.0, 4.0)})
@@ -142,7 +142,7 @@ ESTIMATE = Estimate(
             {"joint_stiffness": 99.0, "link_inertia": 2.04},
             [lambda p: 99.0 - p[1] / p[2], lambda p: p[1] / p[2] / p[0] - 2.04],
         ),
-        (  # the second bound is broken at first, and kept once the first holds
+        (  # the second bound is violated at first, and met once the first is active
             {"joint_stiffness": (103.0, inf), "link_inertia": (-inf, 1.99)},
             {"joint_stiffness": 103.0},
             [lambda p: p[1] / p[2] - 103.0, lambda p: 1.99 - p[1] / p[2] / p[0]],
@@ -150,7 +150,7 @@ ESTIMATE = Estimate(
     ],
 )
 def test_bounds_of_functions_give_the_minimum_within_them(bounds, active, conditions):
-    """Assert that the estimate is SciPy's least sum of squares within bounds, and names these."""
+    """Assert that the estimate is SciPy's constrained minimum, and that active bounds are named."""
     statements = stating(bounds=bounds)
     found = with_prior_knowledge(JOINT, ESTIMATE, {}, statements, "N m", THRESHOLDS)
     inverse, scale = np.linalg.inv(ESTIMATE.covariance), ESTIMATE.values
@@ -172,13 +172,13 @@ PARAMETERS = physical_parameters(["alpha1", "beta1"], input_is_torque=True)
 
 
 def least_squares(regressors: np.ndarray, measured: np.ndarray) -> Estimate:
-    """Estimate a line with its covariance for unit variance."""
+    """Return a fitted line with its covariance for unit variance."""
     covariance = np.linalg.inv(regressors.T @ regressors)
     return Estimate(("a", "b"), covariance @ regressors.T @ measured, covariance, (np.inf,) * 2)
 
 
 def drive(deviation: float = 0.05) -> Estimate:
-    """alpha1 and beta1, equally uncertain and correlated."""
+    """Return alpha1 and beta1 with equal relative uncertainty and correlation."""
     values = np.array([1000 / 3, 10 / 3])
     correlation = np.array([[1.0, 0.8], [0.8, 1.0]])
     covariance = deviation**2 * np.outer(values, values) * correlation
@@ -186,7 +186,7 @@ def drive(deviation: float = 0.05) -> Estimate:
 
 
 def test_linear_case_is_one_more_measurement():
-    """Assert that knowledge of b equals least squares with one weighted equation more."""
+    """Assert that knowledge of b equals one more weighted equation of least squares."""
     regressors = np.column_stack((np.ones(40), np.linspace(0.5, 3.0, 40)))
     measured = regressors @ [2.0, -1.0] + np.random.default_rng(0).standard_normal(40)
     found = informed(least_squares(regressors, measured), [Known("b", -1.3, 0.2)])[0]
@@ -205,7 +205,7 @@ def test_linear_case_is_one_more_measurement():
 
 
 def test_a_known_inertia_is_met():
-    """Assert that one known exactly is what the joined values give, and correlates follow."""
+    """Assert that an exactly known inertia is met, and that correlated values follow."""
     for inertia in (0.1, 0.25, 0.3, 0.6, 1.5):
         found, _ = informed(drive(), [Known("motor_inertia", inertia, 0.0)], PARAMETERS)
         assert 1.0 / found.values[1] == pytest.approx(inertia, rel=1e-9)
@@ -214,7 +214,7 @@ def test_a_known_inertia_is_met():
 
 
 def test_what_is_unknown_or_free_is_refused(refusals):
-    """Assert that a wrong name and a coefficient that the log leaves free are errors."""
+    """Assert that an unknown name and an undetermined coefficient are errors."""
     fit = drive()
     free = Estimate(fit.names, fit.values, np.diag([1.0, np.inf]), (12.0, 0.0))
     calls = {
@@ -224,16 +224,16 @@ def test_what_is_unknown_or_free_is_refused(refusals):
     }
     refusals(calls | {f"± {s}": partial(Known, "beta1", 3.0, s) for s in (-0.1, np.nan, np.inf)})
     found, _ = informed(free, [Known("alpha1", 300.0, 0.1)])
-    assert np.isinf(found.covariance[1, 1])  # a free neighbour stays free
+    assert np.isinf(found.covariance[1, 1])  # another undetermined coefficient stays so
     assert found.degrees_of_freedom[1] == 0.0
 
 
 @pytest.mark.parametrize("std", [0.03, 0.3, 3.0])
 def test_coverage_with_an_estimated_covariance(std):
-    """Assert that joined intervals hold the truth in 93 to 97 % where 12 degrees of freedom do.
+    """Assert that combined intervals cover 93 to 97 % with a covariance of 12 degrees of freedom.
 
-    Truth drawn from what is known, covariance from a Wishart distribution; a share of 2000 draws
-    has a standard error of 0.5 %.
+    The truth is drawn from the prior and the covariance from a Wishart distribution. The share of
+    2000 draws has a standard error of 0.5 %.
     """
     generator = np.random.default_rng(8)
     root = np.linalg.cholesky(np.array([[1.0, 0.7], [0.7, 2.0]]))
@@ -262,7 +262,7 @@ def test_coverage_with_an_estimated_covariance(std):
     ],
 )
 def test_a_contradiction_spans_both(apart, limit, said):
-    """Assert that beyond the limit one deviation more reaches from the joined value to the log's.
+    """Assert that beyond the limit the combined interval reaches from the prior to the log's value.
 
     2 ± 0.4 from the log and 0.3 known: together 0.5 for the difference, and 0.24 for the joined
     value, which lies 0.64 of the difference from the log.
@@ -274,7 +274,7 @@ def test_a_contradiction_spans_both(apart, limit, said):
     moved = 0.64 * 0.5 * apart
     assert found.values == pytest.approx([2.0 + moved])
     assert found.covariance == pytest.approx(np.array([[0.24**2 + said * moved**2]]))
-    # Where the log alone decides, two deviations reach what is known.
+    # If the log alone decides, two standard deviations reach the known value.
     sharp = Estimate(("a",), np.array([2.0]), np.array([[1e-6]]), (np.inf,))
     found, contradicted = informed(sharp, [Known("a", 7.0, 1.0)])
     assert contradicted
@@ -283,12 +283,12 @@ def test_a_contradiction_spans_both(apart, limit, said):
 
 @pytest.fixture(scope="module")
 def log() -> Data:
-    """Five seconds of a motor of 0.3 kg m² and a spring of 100 N m/rad."""
+    """Return five seconds of a motor of 0.3 kg m² and a spring of 100 N m/rad."""
     return data(made(31, 5.0))
 
 
 def said(log: Data, given: dict[str, float], **changed: float) -> tuple[str, ...]:
-    """What contradicts the log of what is known exactly."""
+    """Return the contradictions between the log and exactly known values."""
     return contradictions(
         given, {}, replace(PAPER, fixed=given), log, replace(THRESHOLDS, **changed)
     )
@@ -305,6 +305,6 @@ def said(log: Data, given: dict[str, float], **changed: float) -> tuple[str, ...
     ],
 )
 def test_each_wrong_value_is_told(log, given, named):
-    """Assert that what is off by a hundredth is named, however sharp the log, if the limit says."""
+    """Assert that a value 1.2 % off is named, unless the limit is raised."""
     assert sorted(sentence.split()[0] for sentence in said(log, given)) == named
     assert said(log, given, contradiction=1e6) == ()

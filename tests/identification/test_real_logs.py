@@ -1,4 +1,4 @@
-"""What `identify` says of logs of machines that no one here built, all by itself."""
+"""Results of `identify` on logs of real machines, with default settings."""
 
 import polars as pl
 import pytest
@@ -13,7 +13,7 @@ ARM, KUKA = "ist-flexible-arm/ist_square_1p5V.csv", "kr300/kr300_A.csv"
 
 @pytest.fixture(scope="module")
 def identified(shared_data, examples, tmp_path_factory):
-    """Return a function that identifies a log, with a column map or (column, unit, scale)."""
+    """Return a function that identifies a log, given a column map or (column, unit, scale)."""
     own = tmp_path_factory.mktemp("columns") / "columns.toml"
 
     def result_of(file, shipped="", settings=None, **columns):
@@ -30,7 +30,7 @@ def identified(shared_data, examples, tmp_path_factory):
 
 
 def test_arm_is_predicted_and_not_as_modelled(identified):
-    """Assert fits of IST Lisbon's arm, and that its beam, no spring, leaves more than noise."""
+    """Assert the fits of IST Lisbon's arm, and that its flexible beam leaves more than noise."""
     arm = identified(ARM, "columns_voltage_arm.toml", Settings(validation_share=0.5))
     fit = arm.validation.fit_percent
     assert fit["motor_position"] >= 95.5
@@ -51,9 +51,9 @@ def test_arm_is_predicted_and_not_as_modelled(identified):
 
 @pytest.mark.thorough
 def test_arm_has_one_stiffness_whatever_the_voltage(identified):
-    """Assert that a square wave and a pseudo-random voltage determine it within 10 %, and alike.
+    """Assert that two voltages give one stiffness, each within 10 %.
 
-    Filtered least squares in several bands gives 426 to 445 1/s², others' fits 400 to 470.
+    Filtered least squares in several bands gives 426 to 445 1/s², published fits 400 to 470.
     """
     results = (
         identified(log, "columns_voltage_arm.toml")
@@ -71,7 +71,7 @@ def test_arm_has_one_stiffness_whatever_the_voltage(identified):
 
 
 def test_slide_has_its_published_mass_and_friction(shared_data):
-    """Assert what Janot, Gautier and Brunot (2019) published of EMPS, known as a linear axis."""
+    """Assert the published values of EMPS (Janot, Gautier and Brunot, 2019), as a linear axis."""
     slide = identify([read_log(shared_data / "emps/emps_train.csv")])
     assert slide.joint == "prismatic"
     assert slide.parameters["inertia"].unit == "kg"
@@ -87,10 +87,9 @@ def test_slide_has_its_published_mass_and_friction(shared_data):
 def test_pendulum_has_gravity_and_inertia(identified):
     """Assert that gravity torque and inertia agree with the balance of energy and work.
 
-    That balance, which uses no acceleration, gives 3.77 N m and 0.202 kg m². DFKI's pendulum has
-    one encoder: it swings through the held-out end as predicted, and there is no word of a
-    stiffness. Its halves differ by more than chance, so that its interval is no narrower than what
-    is determined.
+    This balance uses no acceleration; it gives 3.77 N m and 0.202 kg m². DFKI's pendulum has one
+    encoder, so that no stiffness is reported. Its held-out swing is predicted. Both halves differ
+    by more than chance, which widens the intervals.
     """
     pendulum = identified("dfki-pendulum/ddp.csv", "columns_pendulum.toml")
     for name, value in {"gravity_torque": 3.77, "inertia": 0.202}.items():
@@ -106,9 +105,9 @@ def test_pendulum_has_gravity_and_inertia(identified):
 
 @pytest.mark.parametrize(("first", "last"), [(0, 1500), (300, 1800), (1000, 2000)])
 def test_parts_of_the_pendulum_agree_with_the_whole(shared_data, examples, first, last):
-    """Assert that what a part of the swing says of gravity holds what all of it says, 3.77 N m.
+    """Assert that intervals of gravity from parts contain the estimate from all data, 3.77 N m.
 
-    In so few swings friction is hard to tell from the rest, and left out it makes 5 N m.
+    With so few swings friction is hard to identify; without it gravity would be 5 N m.
     """
     rows = pl.read_csv(shared_data / "dfki-pendulum/ddp.csv")[first:last]
     part = flexid.identify(rows, columns=examples / "columns_pendulum.toml")
@@ -119,7 +118,7 @@ def test_parts_of_the_pendulum_agree_with_the_whole(shared_data, examples, first
 
 @pytest.mark.parametrize("number", [1, pytest.param(3, marks=pytest.mark.thorough)])
 def test_a_skew_is_no_stiffness(number, identified):
-    """Assert that no stiffness of a KUKA KR300 is known, and a warning names its delay of 3 ms."""
+    """Assert that a KUKA KR300's stiffness is undetermined, with a warning of a delay of 3 ms."""
     axis = identified(
         KUKA,
         link_position=(f"a{number}_q_link_deg", "deg"),
@@ -137,7 +136,7 @@ def test_a_skew_is_no_stiffness(number, identified):
 
 
 def test_arm_without_its_voltage_has_its_stiffness(identified):
-    """Assert that the link alone gives its stiffness; the best fit of others is 463 1/s^2."""
+    """Assert the stiffness of the link alone; the best published fit gives 463 1/s²."""
     arm_alone = identified(
         ARM, motor_position=("pot_V", "deg", 35.32), deflection=("strain_V", "deg", 1.34)
     )
@@ -151,7 +150,7 @@ def test_arm_without_its_voltage_has_its_stiffness(identified):
 
 @pytest.mark.thorough
 def test_kuka_without_torques_shows_no_stiffness(identified):
-    """Assert that the delay of 3 ms between the KUKA's encoders passes for no spring."""
+    """Assert that the delay of 3 ms between the KUKA's encoders is not mistaken for a spring."""
     channels = {"link_position": "a1_q_link_deg", "motor_position": "a1_q_mot_deg"}
     result = identified(KUKA, **{name: (column, "deg") for name, column in channels.items()})
     assert not result.compliance.visible
@@ -160,7 +159,7 @@ def test_kuka_without_torques_shows_no_stiffness(identified):
 
 @pytest.mark.thorough
 def test_one_stage_of_two_has_no_stiffness(identified):
-    """Assert that nothing with a stiffness is determined: the other stage is not in the model."""
+    """Assert that no stiffness is determined if the second stage is not in the model."""
     stage = identified(
         "quanser-two-stage/lqr_10deg.csv",
         motor_position=("motor1_deg", "deg"),

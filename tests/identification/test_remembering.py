@@ -1,4 +1,4 @@
-"""Which grip of a hysteresis is tried, and when: on made-up fits."""
+"""Search for the grip of a hysteresis, on stand-ins for fits."""
 
 from dataclasses import replace
 from typing import Any, cast
@@ -18,7 +18,7 @@ JUST, TOO_LITTLE = THRESHOLDS.shape_promise + 0.001, THRESHOLDS.shape_promise - 
 
 @pytest.fixture(autouse=True)
 def of_short_logs(monkeypatch):
-    """Let made-up fits be searched as a whole: their segments are mere numbers."""
+    """Let stand-ins be searched as a whole, as their segments are mere numbers."""
     monkeypatch.setattr(fits_by_length, "sampled", lambda fit: fit)
     monkeypatch.setattr(FitsByLength, "longer", lambda *_: [])
     monkeypatch.setattr(FitsByLength, "with_term", lambda by_length, *_: by_length)
@@ -30,16 +30,16 @@ def of_short_logs(monkeypatch):
         ({1.0: 0.8, 0.25: 0.5}, None, [1.0, 0.25]),
         ({1.0: 0.5, 0.25: 0.8}, None, [0.25, 1.0]),
         ({0.25: 0.3, 0.5: 0.4, 1.0: 0.5, 2.0: 0.6, 4.0: 0.7}, None, [4.0, 2.0]),
-        # What holds its promise ends the search.
+        # A fit as good as predicted ends the search.
         ({1.0: 0.8, 0.25: 0.5}, 1.0, [1.0]),
         ({1.0: 0.8, 0.25: 0.5}, 0.25, [1.0, 0.25]),
-        # Below the threshold no step is taken.
+        # Predictions below the threshold are not followed.
         ({1.0: JUST, 0.25: TOO_LITTLE}, None, [1.0]),
         ({1.0: TOO_LITTLE, 0.25: TOO_LITTLE}, None, []),
     ],
 )
 def test_the_grip_that_promises_more_is_tried_first(monkeypatch, promises, holding, begun):
-    """Assert which two are tried, over the grip that suits the motion, if one holds its promise."""
+    """Assert that the two best predictions are tried in order, until a fit confirms one."""
     tried = []
 
     def share(way: dict[str, float]) -> float:
@@ -61,7 +61,7 @@ def test_the_grip_that_promises_more_is_tried_first(monkeypatch, promises, holdi
 
 @pytest.mark.parametrize(("short", "floor"), [(1.02, 1.02), (0.97, 1.0), (1.09, 1.09)])
 def test_what_is_left_shows_it_beside_all_terms(monkeypatch, short, floor):
-    """Assert that memory joins the full model, and what short segments leave counts as noise."""
+    """Assert that hysteresis is added to the full model, and short segments define the noise."""
     asked = []
     monkeypatch.setattr(fits_by_length, "promised", lambda *_: 0.9)
     monkeypatch.setattr(fits_by_length, "explained_by", lambda *way: asked.append(way) or way[0])
@@ -78,17 +78,17 @@ def test_what_is_left_shows_it_beside_all_terms(monkeypatch, short, floor):
     ("before", "floor", "first", "last", "follows"),
     [
         (9.0, 1.0, made_fit(1.5), made_fit(1.0), True),
-        (9.0, 1.0, made_fit(1.5), None, False),  # it diverges on its way
-        # What short segments leave, too, is not one of what memory has to explain.
+        (9.0, 1.0, made_fit(1.5), None, False),  # the motion diverges
+        # The excess of short segments is not counted as explained by hysteresis.
         (1.28, 1.0, made_fit(1.12), made_fit(1.12), False),
         (1.28, 1.1, made_fit(1.12), made_fit(1.12), True),
-        # What comes out negative drives.
+        # A negative size would drive the motion.
         (9.0, 1.0, made_fit(1.0), made_fit(1.0, by_name={SIZE: 0.1}), True),
         (9.0, 1.0, made_fit(1.0), made_fit(1.0, by_name={SIZE: -0.1}), False),
     ],
 )
 def test_what_explains_enough_is_followed(monkeypatch, before, floor, first, last, follows):
-    """Assert that first steps that take away enough are followed by as many as it takes."""
+    """Assert that a fit is continued if its first steps reduce the residuals enough."""
     asked = []
 
     def led_from(fitted, structure, start=None, *, data=None, steps):
@@ -106,7 +106,7 @@ def test_what_explains_enough_is_followed(monkeypatch, before, floor, first, las
 
 
 def test_the_shortest_segments_that_last_half_a_second_show_what_is_missing():
-    """Assert that shorter ones show it where none lasts as long, and none where all is noise."""
+    """Assert that the shortest fit of at least 0.5 s is taken, or the longest; none with noise."""
     found = [over(16, 1.05), over(8, 2.0), over(4, 5.0), over(2, 9.0)]
     assert turning(found, THRESHOLDS) is found[2]
     assert turning(found[:2], THRESHOLDS) is found[1]
@@ -119,13 +119,13 @@ def test_the_shortest_segments_that_last_half_a_second_show_what_is_missing():
     ("rival", "chosen", "gain"), [(1.09, 1.2, 0.0), (1.09, 1.09, 0.05), (1.11, 1.2, 0.05)]
 )
 def test_what_explains_need_not_save_more(rival, chosen, gain):
-    """Assert that a rival which leaves noise alone, as the chosen does not, is better by a hair."""
+    """Assert that a rival that leaves only noise needs no gain if the chosen fit leaves more."""
     assert _least_gain(rival, chosen, THRESHOLDS) == gain
 
 
 @pytest.mark.parametrize(("enough", "of"), [(10_000, 1), (1_000, 5)])
 def test_a_long_log_is_searched_in_part(monkeypatch: pytest.MonkeyPatch, enough: int, of: int):
-    """Assert that some of its segments have the fit's values, and nearly the residuals of all."""
+    """Assert that a subset of segments has the fit's values, and about the residuals of all."""
     monkeypatch.setattr(fitting, "_ENOUGH", enough)
     whole = fitted(made(1, 10.0))
     some = sampled(whole)
@@ -136,7 +136,7 @@ def test_a_long_log_is_searched_in_part(monkeypatch: pytest.MonkeyPatch, enough:
 
 
 def test_a_part_is_searched_as_a_whole(monkeypatch: pytest.MonkeyPatch):
-    """Assert it where a part could be taken of it again: each recording's first segment stays."""
+    """Assert that a subset is searched without taking a subset of it again."""
     whole, part = made_fit(9.0, states="whole"), made_fit(9.0, states="part")
     parts = {"whole": part, "part": made_fit(9.0, states="part of the part")}
     asked = []

@@ -1,4 +1,4 @@
-"""What is said about a result, and whether its log shows a compliance."""
+"""Warnings about a result, and whether its log shows a compliance."""
 
 import pickle
 from functools import cache
@@ -42,10 +42,10 @@ KINDS: tuple[Kind, ...] = ("flexible", "link", "rigid")
 
 
 def test_what_is_said_of_a_fit(golden):
-    """Assert that a model error is said that the noise does not hide or that widens an interval.
+    """Assert that a model error is reported if it exceeds noise or widens an interval.
 
-    A share that is unexplained is said from 2 % on; of a free run all channels that are not
-    repeated stand together; a delay has as many digits as it takes that its ends differ.
+    An unexplained share is reported from 2 % on. All channels with a poor free run are in one
+    warning. A delay has enough digits to tell both ends of its interval apart.
     """
     found = {
         f"{kind}, excess {excess}, width {width}": model_warnings(
@@ -74,7 +74,7 @@ TOTAL = ("total_inertia",)
     ],
 )
 def test_the_motor_s_part_is_asked_for_where_the_sum_is_known(motor, others, said):
-    """Assert that a data sheet is asked for what would divide the inertia of the drive."""
+    """Assert that a data sheet is requested if only the sum of inertias is determined."""
     verdicts = {"motor_inertia": motor, **dict.fromkeys(others, "determined")}
     found = {n: ValueEstimate(n, "", 1.0, 0.3, (0.4, 1.6), v) for n, v in verdicts.items()}
     words = [*division_warnings(found)]
@@ -83,7 +83,7 @@ def test_the_motor_s_part_is_asked_for_where_the_sum_is_known(motor, others, sai
 
 
 def test_warnings_come_in_the_order_in_which_to_act():
-    """Assert that wrong data come first and notes last, and that equals stay in their order."""
+    """Assert the order of warnings by rank, from wrong data to notes, stable within a rank."""
     said = ["note", *(Caution(rank.name, rank) for rank in reversed(Rank)), "last"]
     assert ranked(said) == ("DATA", "SCALE", "MODEL", "MOTION", "note", "NOTE", "last")
     kept = pickle.loads(pickle.dumps(said[1:2]))  # as between processes
@@ -92,7 +92,7 @@ def test_warnings_come_in_the_order_in_which_to_act():
 
 
 def test_the_widest_interval_counts_by_what_it_means():
-    """Assert that what was given has none, and one about zero counts by what it does to its row."""
+    """Assert that a given value has width zero, and a value near zero counts by its effect."""
     values = {"theta2": (100.0, 1.0), "beta1": (3.0, 0.0), "alpha_offset": (0.0, 2.0)}
     found = {
         name: ValueEstimate(name, "", value, half, (value - half, value + half), "determined")
@@ -110,19 +110,19 @@ START = 3333
 
 @cache
 def recordings(stiffness: float, noise: float) -> SplitRecordings:
-    """Ten seconds of a joint of so much stiffness, the last third held out."""
+    """Return ten seconds of a joint with this stiffness, with the last third held out."""
     recording = made(41, noise=noise, joint_stiffness=stiffness, size=0.6)
     return SplitRecordings((recording,), (START,), (0,))
 
 
-SHOWN = {100.0: (51.0, 49.0, nan), STIFF: (5.0, 65.0, 68.0)}  # per cent that is explained
+SHOWN = {100.0: (51.0, 49.0, nan), STIFF: (5.0, 65.0, 68.0)}  # explained share, in per cent
 VERDICTS: tuple[Verdict, ...] = ("determined", "weak", "undetermined")
 
 
 def test_what_is_seen(golden):
-    """Assert that a deflection beyond noise has to be explained, and why it is not seen.
+    """Assert whether the compliance is visible, and the reason if it is not.
 
-    Two thirds explained are no noise. Without a torque a spring that is open explains nothing.
+    Two thirds explained are no noise. Without a torque, an undetermined spring explains nothing.
     """
     found = {}
     for stiffness, noise in ((100.0, 1e-5), (STIFF, 3e-3)):
@@ -141,10 +141,10 @@ def test_what_is_seen(golden):
 
 
 def test_a_period_is_predicted_from_the_one_before(monkeypatch):
-    """Assert that what decides on a spring is a period, from a state that fits no more than one.
+    """Assert that compliance is decided by prediction over one period, after one of warm-up.
 
-    On a drive whose friction falls off, states of half a second predict 15 % of the deflection over
-    a period of 0.12 s, and those of a period 56 %; of two stages taken for one nothing.
+    For a drive with Stribeck friction, 15 % of the deflection is predicted over a period of 0.12 s
+    after 0.5 s of warm-up, and 56 % after one period. For two stages, nothing is.
     """
     asked = []
 

@@ -1,4 +1,4 @@
-"""Terms whose constant is sought: ripple, springs that bend, friction that falls off."""
+"""Shapes with unknown constants: ripple, bent springs, Stribeck friction."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -43,7 +43,7 @@ ENOUGH, TOO_LITTLE = THRESHOLDS.shape_promise + 0.001, THRESHOLDS.shape_promise 
 def test_a_constant_goes_where_the_sum_of_squares_is_least(
     terms, shape, made_with, truth, accuracy, aways
 ):
-    """Assert that it comes from either side, to within what noise makes of it."""
+    """Assert that the constant converges from either side, within its standard error."""
     recording = made(3, **made_with)
     exact = fitted(recording, *terms, fixed={shape.constant: truth})
     assert shape.constant not in exact.names
@@ -58,7 +58,7 @@ def test_a_constant_goes_where_the_sum_of_squares_is_least(
 
 @pytest.mark.parametrize("velocity", [0.04, 0.11, 0.9])
 def test_candidates_for_a_velocity_lie_close(velocity, monkeypatch):
-    """Assert that others around the best are asked, in steps that grow with the velocity."""
+    """Assert that candidates around the best one are refined, with geometric spacing."""
     asked = []
 
     def promised(_, structure):
@@ -73,7 +73,7 @@ def test_candidates_for_a_velocity_lie_close(velocity, monkeypatch):
 
 
 def test_no_velocity_is_sought_that_friction_takes_in_a_sample(monkeypatch):
-    """Assert that neither a candidate nor a fit goes below what friction takes meanwhile."""
+    """Assert that candidates and fits stay above the velocity that friction removes in a sample."""
     terms, width = ("motor_coulomb", "motor_stribeck"), {"stribeck_velocity": 0.24}
     first = fitted(made(3, **STICKING), *terms, widths=width)
     taken = abs(first.by_name["alpha_coulomb"]) * first.data.samples[0].sample_time
@@ -84,7 +84,7 @@ def test_no_velocity_is_sought_that_friction_takes_in_a_sample(monkeypatch):
     monkeypatch.setattr(shapes, "explained_by", lambda *a: first if a[-1](first) else None)
     monkeypatch.setattr(shapes, "_fit_longer", lambda *_: by_length)
     by_length = FitsByLength((first,), (first.problem.segments,), True, ("cubic",), "")
-    for least, follows in ((0.23, False), (0.14, True)):  # it is 0.15
+    for least, follows in ((0.23, False), (0.14, True)):  # the fit has 0.15
         asked.clear()
         shape = replace(STRIBECK, least=lambda _, own=least: own)
         found = fit_with_shape(shape, by_length, first, [], lambda _: None, THRESHOLDS)
@@ -98,7 +98,7 @@ def test_no_velocity_is_sought_that_friction_takes_in_a_sample(monkeypatch):
     [(0.5, 0.5, True), (2.0, 0.5, False), (0.5, 2.0, False), (-3.0, -3.0, True)],
 )
 def test_a_bend_without_stiffness_below_is_play(theta, alpha, slack):
-    """Assert that a hundredth of the stiffness beyond is none, in both rows that have one."""
+    """Assert that stiffness below a hundredth of that beyond counts as play, in each row."""
     values = {"theta2": theta, "theta_bend": 100.0 - theta, "alpha1": alpha}
     values |= {"alpha_bend": 100.0 - alpha}
 
@@ -114,7 +114,7 @@ def test_a_bend_without_stiffness_below_is_play(theta, alpha, slack):
 
 @pytest.mark.parametrize("bounded", ["alpha_bend", "alpha1"])
 def test_a_constant_is_sought_where_something_ended_at_a_bound(bounded):
-    """Assert that the coefficient stays there, and that the constant takes up what it can."""
+    """Assert that a coefficient stays at its bound, and that the constant is still fitted."""
     truth = {"alpha_bend": 40.0 / 0.3, "alpha1": 100.0 / 0.3}[bounded]
     bounds = {bounded: (0.0, 0.9 * truth)}
     recording, width = made(3, **BENT), {"bend_deflection": 0.3}
@@ -127,7 +127,7 @@ def test_a_constant_is_sought_where_something_ended_at_a_bound(bounded):
 
 @pytest.mark.parametrize("preload", [0.0, 3.0, -3.0])
 def test_a_preload_moves_where_a_bend_is_looked_for(preload):
-    """Assert that candidates lie close, on both sides of the deflection's mean."""
+    """Assert that candidates are dense, on both sides of the deflection's mean."""
     plain = fitted(made(4, 4.0))
     (recording,) = plain.data.samples
     moved = replace(recording, positions=recording.positions + np.array([preload, 0.0]))
@@ -142,7 +142,7 @@ def test_a_preload_moves_where_a_bend_is_looked_for(preload):
 
 
 def test_the_interval_knows_that_the_number_was_sought():
-    """Assert that a phase three turns away spreads with its number, as much as is said."""
+    """Assert that intervals of a phase three turns away include the constant's uncertainty."""
     drift = NUMBER * 2.0 * np.pi * 3.0
     truth = 0.3 / 0.3 * np.array([np.cos(PHASE - drift), np.sin(PHASE - drift)])
     given, free = [], []
@@ -157,12 +157,12 @@ def test_the_interval_knows_that_the_number_was_sought():
             off = own.values[places] - truth
             offs.append(np.abs(off / widened(own, NO_ERROR).deviations[places]).max())
     assert np.median(given) > 3.0
-    assert 0.3 < np.median(free) < 1.7  # 1.0 for two of which one decides
+    assert 0.3 < np.median(free) < 1.7  # 1.0 for a maximum of two with one in effect
     assert max(free) < 4.0
 
 
 def test_the_spectrum_by_position_shows_the_number():
-    """Assert that what least squares leaves has its largest peak within half the resolution."""
+    """Assert that the residuals' largest peak is within half the resolution of the number."""
     plain = fitted(made(4, **RIPPLED))
     resolution = RIPPLE.resolution(plain.structure.joint, plain.data)
     few, peaks = np.split(np.array(shapes.numbers(plain.structure, plain.data)), [5])
@@ -177,20 +177,20 @@ SAME, LONGER = 4, 2  # segments
 @pytest.mark.parametrize(
     ("promises", "holding", "begun", "chosen", "follows"),
     [
-        # The two that promise most are followed; what holds its promise ends the search.
+        # The two best predictions are followed; a fit that confirms one ends the search.
         (PROMISES, None, [0.2, 0.3], (), False),
         (PROMISES, 0.2, [0.2], (), True),
         (PROMISES, 0.3, [0.2, 0.3], (), True),
-        # Below the threshold no step is taken.
+        # Predictions below the threshold are not followed.
         ({0.1: ENOUGH, 0.2: TOO_LITTLE}, None, [0.1], (), False),
-        # Something else which explains the same segments better ends the search.
+        # A rival that explains the same segments better ends the search.
         (PROMISES, 0.2, [0.2], (SAME, 8.9), False),
         (PROMISES, 0.2, [0.2], (SAME, 9.1), True),
         (PROMISES, 0.2, [0.2], (LONGER, 8.9), True),
     ],
 )
 def test_which_constants_are_followed(monkeypatch, promises, holding, begun, chosen, follows):
-    """Assert with which constants steps are taken, in order, where one holds its promise."""
+    """Assert the order of constants that are followed, until a fit confirms its prediction."""
     tried = []
     shape = shapes.SoughtShape(
         "a shape", BEND.coefficients, BEND.constant, lambda *_: [*promises], lambda *_: 0.0
@@ -214,7 +214,7 @@ def test_which_constants_are_followed(monkeypatch, promises, holding, begun, cho
 
 @pytest.mark.parametrize(("excess", "more"), [(1.11, True), (1.09, False)])
 def test_noise_is_not_more_than_another_leaves(excess, more):
-    """Assert that a rival that leaves less counts only beside more than noise."""
+    """Assert that a better rival counts only if residuals exceed noise."""
     assert leaves_more(over(4, excess), [over(4, 1.0)], THRESHOLDS) == more
 
 
@@ -222,14 +222,14 @@ def test_noise_is_not_more_than_another_leaves(excess, more):
     "asked", [{"known": {"torque_ripple": 0.3}}, {"bounds": {"torque_ripple": (0.0, 1.0)}}]
 )
 def test_smoothed_friction_has_no_such_terms(asked):
-    """Assert that what would go unheeded is refused, however it was asked for."""
+    """Assert that a setting for such a term is refused if friction is smoothed."""
     with pytest.raises(SettingError, match="torque_ripple goes with dry friction only"):
         identify([log(made(1, 6.0, **RIPPLED))], Settings(coulomb_velocity=0.1, **asked))
 
 
 @pytest.mark.parametrize("shape", [RIPPLE, BEND, STRIBECK])
 def test_where_nothing_moves_nothing_is_sought(shape):
-    """Assert that a joint at rest shows no constant, and that asking for the term is refused."""
+    """Assert that a joint at rest has no candidates, and that a requested term is refused."""
     plain = fitted(made(4, 4.0))
     (recording,) = plain.data.samples
     none = np.zeros_like(recording.positions)
@@ -243,7 +243,7 @@ def test_where_nothing_moves_nothing_is_sought(shape):
 
 
 def test_many_turns_need_no_more_memory():
-    """Assert that the spectrum of a motor that turns on and on is no longer than it may be."""
+    """Assert that the length of the spectrum is limited for a motor that turns on and on."""
     plain = fitted(made(4, 4.0))
     (recording,) = plain.data.samples
     away = np.linspace(0.0, 1e6, len(recording))[:, None]

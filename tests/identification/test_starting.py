@@ -1,4 +1,4 @@
-"""Where a fit begins: least squares on a stiff drive with dry friction, and the way from there."""
+"""Starting values: least squares on a stiff drive with dry friction, and the first fits."""
 
 from dataclasses import replace
 from typing import Any
@@ -35,7 +35,7 @@ STIFF = {
 def posed_of(
     data: Data, *terms: str, hold: Hold = "zero", sought: tuple[str, ...] = DELAYS, **about: Any
 ) -> Structure:
-    """Some terms of a joint, of shapes that suit its data."""
+    """Return a structure with these terms and with shapes scaled to the data."""
     base = structure(*(terms or TERMS), hold=hold)
     joint = JOINT.scaled(data.samples)
     return replace(base, joint=joint, timing=Timing(hold, {}, sought), **about)
@@ -43,22 +43,22 @@ def posed_of(
 
 @pytest.fixture(scope="module")
 def stiff():
-    """A log of the harmonic drive, with its torque held."""
+    """Return a log of the harmonic drive with a held torque."""
     return data(made(3, 12.0, held=True, size=1.5, **STIFF))
 
 
 def log_of(**more) -> Data:
-    """A log of the paper's joint."""
+    """Return a log of the paper's joint."""
     return data(made(5, 6.0, **more))
 
 
 def first_start(base: Structure, log: Data) -> dict[str, float]:
-    """The start that promises most."""
+    """Return the most promising start."""
     return next(starts(base, log, lengths(log)[0]))
 
 
 def test_a_moving_motor_starts_better_than_a_sticking_one(stiff):
-    """Assert that a sticking motor misleads least squares by half and more, but not the start."""
+    """Assert that stiction halves the values of least squares, but not those of the first start."""
     base = posed_of(stiff)
     truth = {"alpha1": 10000.0, "beta1": 1.0, "alpha_coulomb": 13.7}
     plain, _ = least_squares_start(base, stiff, 20.0)
@@ -71,7 +71,7 @@ def test_a_moving_motor_starts_better_than_a_sticking_one(stiff):
 
 
 def test_starts_differ_and_agree_where_nothing_sticks(stiff):
-    """Assert that no start is tried twice, and that each of a smooth joint is near the truth."""
+    """Assert that starts are distinct, and close to the truth for a joint without dry friction."""
     plain = log_of(held=True)
     for log, base in (
         (stiff, posed_of(stiff)), (stiff, posed_of(stiff, *PAPER_TERMS)),
@@ -85,7 +85,7 @@ def test_starts_differ_and_agree_where_nothing_sticks(stiff):
 
 
 def test_a_row_that_hardly_keeps_moving_is_taken_whole():
-    """Assert that few samples make no start: here the motor sticks for most of the time."""
+    """Assert that a row is left out of moving-only starts if its side moves too rarely."""
     log = log_of(held=True, motor_coulomb_up=14.0, motor_coulomb_down=14.0, size=0.6)
     base = posed_of(log, *TERMS, "link_coulomb")
     fit = least_squares_start(base, log, 60.0)[1]
@@ -95,17 +95,17 @@ def test_a_row_that_hardly_keeps_moving_is_taken_whole():
 
 
 def test_a_strong_spring_starts_as_bent_as_its_link_says():
-    """Assert that a start has the curvature that positions and the link's acceleration show."""
+    """Assert that a start has the cubic stiffness that the link's acceleration shows."""
     log = log_of(held=True, cubic_stiffness=3000.0)
     first = first_start(posed_of(log, *TERMS, "cubic_stiffness"), log)
     assert first["alpha_cubic"] == pytest.approx(10000.0, rel=0.1)
     soft = log_of(held=True, cubic_stiffness=-20.0)
     for way in starts(posed_of(soft, *TERMS, "cubic_stiffness"), soft, lengths(soft)[0]):
-        assert way["alpha_cubic"] == 0.0  # from which no motion runs away
+        assert way["alpha_cubic"] == 0.0  # so that no motion diverges
 
 
 def test_one_jolt_makes_no_start_worse(monkeypatch):
-    """Assert that the start that leaves less in most segments is first, not less in all."""
+    """Assert that starts are ranked by the mean logarithm of residuals, not by their sum."""
     plain = log_of(held=True)
     jolted = plain.samples[0].positions.copy()
     jolted[len(jolted) // 2 :] += 0.3
@@ -124,7 +124,7 @@ HOLDS = ("zero", "cubic", "linear")
 
 
 def test_rest_alone_starts_nothing(monkeypatch: pytest.MonkeyPatch):
-    """Assert that least squares without a spring, by which others are divided, start no fit."""
+    """Assert that least squares without a spring, by which others are divided, gives no start."""
     log = log_of()
     nothing = dict.fromkeys(COEFFICIENTS, 0.0)
     fit = least_squares_start(posed_of(log), log, 20.0)[1]
@@ -136,7 +136,7 @@ def test_rest_alone_starts_nothing(monkeypatch: pytest.MonkeyPatch):
 
 @pytest.mark.parametrize("held", [True, False])
 def test_long_segments_know_the_hold(held):
-    """Assert that the hold is found where short segments take either for the other."""
+    """Assert that long segments identify the hold, if short ones do not distinguish holds."""
     log = log_of(held=held, noise=2e-7)
     if held:
         alike = replace(THRESHOLDS, hold_fall=1e9)
@@ -155,21 +155,21 @@ def test_long_segments_know_the_hold(held):
 
 
 def test_tied_holds_are_all_in_the_interval():
-    """Assert that a late torque's delay reaches to where another hold would put it."""
+    """Assert that the delay's covariance includes the shift to each tied hold."""
     log = log_of(held=True, noise=3e-4, input_delay=2.7e-3)
     found = fits_by_length.fit_full_model(posed_of(log), log, HOLDS, (), lambda _: None)
     assert {*found.tied} == {"cubic", "linear"}
     last = found.found[-1]
-    assert last.structure.timing.hold == "zero"  # it needs the least delay
+    assert last.structure.timing.hold == "zero"  # zero hold has the smallest delay
     place = last.names.index(INPUT)
     more = fits_by_length.hold_covariance(last, found.tied)[place, place] ** 0.5
     half = 0.5 * log.samples[0].sample_time
-    assert 0.6 * half < more < 0.9 * half  # root of two thirds, if all three are alike
+    assert 0.6 * half < more < 0.9 * half  # root of two thirds for three equal holds
     assert not fits_by_length.hold_covariance(last, ()).any()
 
 
 def test_a_delay_of_half_a_sample_is_a_coincidence():
-    """Assert that a torque without delay is held, where noise hides what else tells the holds."""
+    """Assert that hold "zero" without delay is preferred if noise makes the holds equal."""
     log = log_of(held=True, noise=3e-4)
     found = fits_by_length.fit_full_model(posed_of(log), log, HOLDS, (), lambda _: None)
     assert found.found[-1].structure.timing.hold == "zero"
@@ -178,7 +178,7 @@ def test_a_delay_of_half_a_sample_is_a_coincidence():
 
 
 def test_a_delay_that_leaves_the_data_is_no_fit():
-    """Assert that a delay that is sought ends within the margins of the data, or nowhere."""
+    """Assert that a fitted delay beyond the margin of the data is an error."""
     late = log_of(held=True, link_delay=0.05)
     base = posed_of(late, sought=(LINK,))
     segments = lengths(late)[2]
@@ -189,7 +189,7 @@ def test_a_delay_that_leaves_the_data_is_no_fit():
 
 @pytest.mark.parametrize("late", [0.0, 0.04])
 def test_a_given_delay_may_be_longer_than_the_margin(late):
-    """Assert that a delay that was given is no reason to doubt a fit, however long."""
+    """Assert that a given delay may exceed the margin of the data."""
     log = log_of(held=True, link_delay=late)
     timing = Timing("zero", {LINK: late}, (INPUT,))
     base = replace(posed_of(log), timing=timing)
@@ -201,7 +201,7 @@ def test_a_given_delay_may_be_longer_than_the_margin(late):
 
 @pytest.mark.parametrize("samples", [1, 30])
 def test_a_fall_counts_less_where_residuals_are_correlated(samples):
-    """Assert that errors that last for 30 samples are taken for a thirtieth of as many."""
+    """Assert that errors correlated over 30 samples count as about 30 times fewer."""
     exact = made(5, 6.0, held=True, noise=0.0)
     sums = np.cumsum(np.random.default_rng(12).standard_normal((2, len(exact) + samples)), axis=1)
     link, motor = 1e-4 * (sums[:, samples:] - sums[:, :-samples]) / samples**0.5
@@ -214,7 +214,7 @@ def test_a_fall_counts_less_where_residuals_are_correlated(samples):
 
 
 def test_starts_of_a_long_log_are_tried_in_part(monkeypatch: pytest.MonkeyPatch):
-    """Assert that few of the segments lead to where all of them do, and are fitted first."""
+    """Assert that a subset of segments is fitted first, and gives nearly the same fit as all."""
     fitted_over = []
 
     def recorded(structure: Structure, own: Data, way: dict[str, float], divisions, **how):

@@ -1,4 +1,4 @@
-"""Which terms stay: on made-up quadratic forms whose answer is known, and on small logs."""
+"""Elimination of terms: on quadratic forms with a known solution, and on stand-ins for fits."""
 
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
@@ -22,12 +22,12 @@ from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 LIMITS = replace(THRESHOLDS, term_chance=0.02, shape_chance=0.002, friction_sign=3.5)
-MANY = 1e9  # degrees of freedom: as good as normal
+MANY = 1e9  # degrees of freedom, practically a normal distribution
 
 
 @dataclass
 class _Quadratic:
-    """A fit of which only its sum of squares about the minimum is known."""
+    """Stand-in for a fit with a quadratic sum of squares."""
 
     names: tuple[str, ...]
     values: np.ndarray
@@ -62,7 +62,7 @@ class _Quadratic:
 def left(
     quadratic: _Quadratic, kept: tuple[str, ...] = (), thresholds=LIMITS, **more: Any
 ) -> set[str]:
-    """Optional coefficients and delays that stay."""
+    """Return the optional coefficients and delays that are kept."""
     structure, _ = eliminate(cast(Fitted, quadratic), kept, thresholds, **more)
     names = {name.partition("[")[0] for name in quadratic.names}
     return (names & JOINT.optional) - structure.absent | {*structure.timing.sought}
@@ -72,7 +72,7 @@ BASE = ("theta2", "alpha1", "beta1")
 
 
 def beside(values: dict[str, float], correlation: float = 0.0, **more: Any) -> _Quadratic:
-    """Spring and gain beside numbers so many standard deviations of 0.1 from zero."""
+    """Return spring and gain, and values in multiples of their standard deviation of 0.1."""
     n = len(values)
     information = np.zeros((3 + n, 3 + n))
     information[:3, :3] = 1e4 * np.eye(3)
@@ -83,16 +83,16 @@ def beside(values: dict[str, float], correlation: float = 0.0, **more: Any) -> _
 
 
 def normal(chance: float) -> float:
-    """Standard deviations from zero that chance exceeds so often, to either side."""
+    """Return the two-sided quantile of the normal distribution."""
     return float(norm.isf(chance / 2.0))
 
 
 GEAR = ("alpha_ecc_sine", "alpha_ecc_cosine")
 TWO_NUMBERS = float(np.sqrt(chi2.isf(0.002, 2)))
-FEW = float(np.sqrt(2.0 * f.isf(0.002, 2, 5.0)))  # two numbers of five degrees of freedom
+FEW = float(np.sqrt(2.0 * f.isf(0.002, 2, 5.0)))  # two coefficients with five degrees of freedom
 assert FEW > TWO_NUMBERS + 0.5
 EDGES: dict[str, tuple[float, dict[str, float], dict[str, Any]]] = {
-    # Where a term begins to stay; its coefficients for one deviation; what is known of the fit.
+    # Limit in standard deviations; direction of the coefficients; settings of the fit.
     "a usual term: one in 50": (normal(0.02), {"theta_offset": 1.0}, {}),
     "gravity, of either sign": (normal(0.02), {"theta1": -1.0}, {}),
     "a shape: one in 500": (normal(0.002), {"alpha_saturation": -1.0}, {}),
@@ -125,7 +125,7 @@ EDGES: dict[str, tuple[float, dict[str, float], dict[str, Any]]] = {
 
 @pytest.mark.parametrize("case", EDGES)
 def test_what_is_beyond_chance_stays(case):
-    """Assert where each kind of term begins to stay; all of a term's coefficients or none."""
+    """Assert the limit for each kind of term, which keeps all of its coefficients or none."""
     edge, direction, more = EDGES[case]
     for away, stays in ((0.05, True), (-0.05, False)):
         sizes = {name: (edge + away) * part for name, part in direction.items()}
@@ -134,7 +134,7 @@ def test_what_is_beyond_chance_stays(case):
 
 
 def test_less_is_asked_of_what_is_likely():
-    """Assert that a friction stays up to `generous_chance` where it is said to be likely."""
+    """Assert that a likely friction is kept up to `generous_chance`."""
     edge = normal(LIMITS.generous_chance)
     for away, stays in ((0.05, {"alpha_coulomb"}), (-0.05, set())):
         friction = beside({"alpha_coulomb": edge + away, "theta_offset": edge + away})
@@ -143,7 +143,7 @@ def test_less_is_asked_of_what_is_likely():
 
 
 def test_what_has_to_stay_stays():
-    """Assert that spring and gain do, and what the user names with its other half."""
+    """Assert that spring and gain are kept, and requested terms as a whole."""
     structure, (evidence,) = eliminate(cast(Fitted, beside({"theta1": 0.1})), (), LIMITS)
     assert not {*BASE} & structure.absent
     assert (evidence.name, evidence.std) == ("theta1", pytest.approx(0.1))
@@ -153,10 +153,10 @@ def test_what_has_to_stay_stays():
 
 
 def test_others_follow_along_the_quadratic_form():
-    """Assert that what stays is judged by its value after the others went, with its new width.
+    """Assert that values and deviations are updated after another term is removed.
 
-    Offset and cosine share their information, r = 0.9: with one gone the other's deviation falls
-    to √(1 - r²) of what it was, and its value moves by r times that of the one that went.
+    Offset and cosine share their information, r = 0.9: without one the other's deviation falls to
+    √(1 - r²) of what it was, and its value moves by r times the removed value.
     """
     r = 0.9
     quadratic = beside({"theta_cosine": 1.5, "theta_offset": 2.0}, r)
@@ -175,20 +175,20 @@ def test_others_follow_along_the_quadratic_form():
 @pytest.mark.parametrize(
     ("sizes", "stays"),
     [
-        # The one nearer to zero goes, and saves the other, which alone is far from it.
+        # The smaller one is removed, and the other is then significant.
         ({"theta1": 1.9, "theta_offset": 1.6}, "theta1"),
         ({"theta1": 1.6, "theta_offset": 1.9}, "theta_offset"),
-        # A shape goes that chance could make, though a usual term is nearer to zero.
+        # An insignificant shape is removed first, though a usual term is smaller.
         ({"theta_offset": 0.8, "alpha_backlash": 2.5}, "theta_offset"),
     ],
 )
 def test_of_two_that_share_their_information_one_goes(sizes, stays):
-    """Assert which, where both are less than three deviations from zero."""
+    """Assert which of two correlated terms below three standard deviations is kept."""
     assert left(beside(sizes, -0.95)) == {stays}
 
 
 def test_of_two_that_cannot_be_told_apart_the_less_usual_goes():
-    """Assert that a shape that does just what a usual term does goes first, wherever it stands."""
+    """Assert that of two identical columns the shape is removed, and the usual term kept."""
     information = np.diag([1e4, 1e4, 1e4, 0.0, 0.0])
     information[3:, 3:] = 100.0
     for pair in (("alpha_coulomb", "alpha_drag"), ("alpha_backlash", "alpha_offset")):
@@ -203,14 +203,14 @@ def test_of_two_that_cannot_be_told_apart_the_less_usual_goes():
     [(2.4, 10.0, True), (2.2, 10.0, False), (9.0, 0.91, True), (9.0, 0.89, False)],
 )
 def test_delays_go_like_terms(side, size, margin, stays):
-    """Assert that one that chance explains, or longer than the margin, is sought no more."""
+    """Assert that an insignificant delay, or one longer than the margin, is removed."""
     quadratic = beside({INPUT: side * size}, sought=(INPUT,), margin=margin)
     structure, _ = eliminate(cast(Fitted, quadratic), (), LIMITS)
     assert structure.timing.sought == ((INPUT,) if stays else ())
 
 
 def test_the_narrowest_fit_that_converged_is_best():
-    """Assert that one that has not ended counts last, and the longer of two within 5 %."""
+    """Assert that converged fits come first, and the longer of two fits within 5 % of width."""
 
     def fit(width: float, converged: bool = True, value: float = 1.0) -> Fitted:
         estimate = Estimate(("theta2",), np.array([value]), np.array([[width**2]]), (MANY,))
@@ -234,7 +234,7 @@ NOISE, MORE = THRESHOLDS.sensor_excess - 0.001, THRESHOLDS.sensor_excess + 0.001
 @pytest.mark.parametrize(
     ("usual", "unusual", "excess", "taken"),
     [
-        # Each coefficient more or less is worth the same fall, and one is to be gained.
+        # One coefficient is worth the threshold `exchange_fall`, and one has to be gained.
         ((1000.0, 8), (999.9 - FALL, 8), 1.0, True),
         ((1000.0, 8), (1000.1 - FALL, 8), 1.0, False),
         ((1000.0, 9), (999.9, 8), 1.0, True),
@@ -242,16 +242,16 @@ NOISE, MORE = THRESHOLDS.sensor_excess - 0.001, THRESHOLDS.sensor_excess + 0.001
         ((1000.0, 10), (999.9 + FALL, 8), 1.0, True),
         ((1000.0, 10), (1000.1 + FALL, 8), 1.0, False),
         ((1000.0, 8), (1000.1 - 2.0 * FALL, 9), 1.0, False),
-        # Far better is no argument where the residuals are more than noise.
+        # A much smaller sum does not count if residuals exceed noise.
         ((9000.0, 8), (1000.0, 8), NOISE, True),
         ((9000.0, 8), (1000.0, 8), MORE, False),
-        # What has no fit is not left.
+        # A structure without a fit is not taken.
         (None, (1000.0, 8), 1.0, True),
         ((1000.0, 8), None, 1.0, False),
     ],
 )
 def test_unusual_terms_have_to_be_far_better_or_fewer(monkeypatch, usual, unusual, excess, taken):
-    """Assert whether they are left, by sum of squares and number of coefficients of both."""
+    """Assert whether unusual terms are taken, by sums of squares and numbers of coefficients."""
 
     def eliminated(full, kept, thresholds, *, usual_first=False):
         return (UNUSUAL, ("unusual",)) if usual_first else (USUAL, ("usual",))
@@ -268,9 +268,9 @@ def test_unusual_terms_have_to_be_far_better_or_fewer(monkeypatch, usual, unusua
 
 @pytest.mark.parametrize(("explained", "saturates"), [(True, True), (True, False), (False, True)])
 def test_steps_need_not_end_where_the_log_is_explained(monkeypatch, explained, saturates):
-    """Assert that unusual terms join as far as they lead there, and not at all elsewhere.
+    """Assert that unusual terms are added, even unconverged, if the log is explained.
 
-    A saturation does not, of an input that cannot show one.
+    A saturation is added only if the input can show it.
     """
     excess = THRESHOLDS.sensor_excess + (-0.001 if explained else 0.001)
     shapes = JOINT.shapes
@@ -301,7 +301,7 @@ def test_steps_need_not_end_where_the_log_is_explained(monkeypatch, explained, s
     ],
 )
 def test_fewer_coefficients_may_predict_a_little_worse(monkeypatch, fewer, worse, expected):
-    """Assert that the usual terms win at once with as few coefficients, or else if far better."""
+    """Assert that unusual terms with fewer coefficients may predict worse by 5 %."""
 
     def chosen(_job, by_length, *, with_shapes):
         fitted = made_fit(names=range(7 if with_shapes and fewer else 8))
@@ -336,7 +336,7 @@ RIGID = SimpleNamespace(joint=SimpleNamespace(kind="rigid"))
     ],
 )
 def test_only_what_may_stand_is_made_leaner(monkeypatch, fitted, stands):
-    """Assert where terms are taken away, unless an exact fit is asked for; by residuals."""
+    """Assert that a fit too poor to be reported is not made leaner, unless `exact` is set."""
 
     def choose(*, exact):
         by_length = FitsByLength((fitted,), (), False, ("cubic",), "", exact=exact)
@@ -360,7 +360,7 @@ def test_only_what_may_stand_is_made_leaner(monkeypatch, fitted, stands):
 def test_a_leaner_fit_that_lost_its_way_is_asked_over_shorter_segments(
     monkeypatch, fuller, leaner, free_length, duration
 ):
-    """Assert that it is, where the fuller one explains the log and it does not."""
+    """Assert that shorter segments are used if only the leaner fit does not explain the log."""
     monkeypatch.setattr(elimination, "best_length", lambda found: found[-1])
     monkeypatch.setattr(elimination, "_leanest", lambda full, *_: (full.structure, ()))
     monkeypatch.setattr(elimination, "eliminate", lambda full, *_: (full.structure, ()))
@@ -388,7 +388,7 @@ def test_a_leaner_fit_that_lost_its_way_is_asked_over_shorter_segments(
     ],
 )
 def test_what_cannot_stand_leads_to_no_longer_segments(monkeypatch, excesses, exact, lengths):
-    """Assert that fits end with one of half a second that leaves too much to be reported."""
+    """Assert that lengths end at 0.5 s if the fit there is too poor to be reported."""
     duration_of = {8: 0.25, 4: 0.5, 2: 1.0}
     fits = {
         count: made_fit(
@@ -416,7 +416,7 @@ RIVALS: dict[str, tuple[dict[str, Any], list[str]]] = {
 
 @pytest.mark.parametrize("case", RIVALS)
 def test_what_held_out_data_may_prefer(monkeypatch, case):
-    """Assert which other fits are made, each where there is a reason for it."""
+    """Assert which rival fits are made, and for which reason."""
     changes, expected = RIVALS[case]
     given = {"generous": USUAL, "values": (9.0, 0.1), "kept": (), "excess": 1.099, "bounds": {}}
     given |= changes
@@ -437,7 +437,7 @@ def test_what_held_out_data_may_prefer(monkeypatch, case):
     ("errors", "taken"), [((0.5, 0.501), 0), ((0.5, 0.499), 1), ((0.4, 0.3), 1), ((0.2, 0.3), 2)]
 )
 def test_a_rival_has_to_predict_far_better(monkeypatch, errors, taken):
-    """Assert that it saves what is asked, and that of several the best is taken."""
+    """Assert that a rival needs the required gain, and that the best of several is taken."""
     limit = 0.5 + THRESHOLDS.generous_gain
     fits: list[Any] = [
         SimpleNamespace(structure=USUAL, error=error) for error in (limit, *errors[::-1])
@@ -459,7 +459,7 @@ def test_a_rival_has_to_predict_far_better(monkeypatch, errors, taken):
 def test_shapes_are_sought_where_the_model_follows_half_a_second(
     monkeypatch, duration, unexplained, sought
 ):
-    """Assert the limit, in proportion over shorter segments; play is tried all the same."""
+    """Assert the limit, proportional to the duration; play is tried in any case."""
     monkeypatch.setattr(job, "SOUGHT", ())
     fitted = made_fit(9.0, duration=duration, unexplained=unexplained)
     fitted.unexplained_over = partial(Fitted.unexplained_over, fitted)
@@ -474,5 +474,5 @@ def test_shapes_are_sought_where_the_model_follows_half_a_second(
     [(1.099, 0.5, True), (1.101, 0.5, False), (1.099, 0.49, False)],
 )
 def test_what_explains_the_log_ends_the_search(excess, duration, expected):
-    """Assert that noise is left, over segments in which a spring turns round."""
+    """Assert that the search ends if only noise is left over segments of at least 0.5 s."""
     assert explains(made_fit(excess, duration=duration), THRESHOLDS) == expected

@@ -1,4 +1,4 @@
-"""Predictions of held-out data, against made logs whose noise and model are known."""
+"""Predictions of held-out data, on simulated logs with known noise and model."""
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -25,7 +25,7 @@ CHANNELS = ("link_position", "motor_position", "deflection")
 
 @pytest.fixture(scope="module")
 def recording():
-    """Ten seconds, of which the last 3.6 are held out."""
+    """Return ten seconds, of which the last 3.6 are held out."""
     return made(21, 10.0)
 
 
@@ -40,7 +40,7 @@ def predicted(
     follow: Follower | None = None,
     **changed,
 ) -> Validation:
-    """Prediction with the true coefficients, or some others."""
+    """Return a validation with the true coefficients, or with some changed."""
     values = np.array([*{**COEFFICIENTS, **changed}.values()])
     unknowns, segments = PAPER.unknowns(whole.groups), divide(whole.samples, 1.0)
     motion = segmented_motion(unknowns.system, segments, timing or Timing("cubic"), unknowns)
@@ -50,7 +50,7 @@ def predicted(
 
 
 def test_right_model_predicts_to_the_noise(recording):
-    """Assert that the true model's errors are hardly more than sensor noise, over any horizon."""
+    """Assert that errors of the true model are at the sensors' noise, over any horizon."""
     found = predicted(data(recording))
     (run,) = found.runs
     errors = (run.measured - run.simulated).std(axis=0)
@@ -62,7 +62,7 @@ def test_right_model_predicts_to_the_noise(recording):
 
 
 def test_a_long_end_is_predicted_in_part():
-    """Assert that windows of 20 000 samples over all of a long end are predicted, and no more."""
+    """Assert that up to 20 000 samples, spread over a long end, are predicted."""
     whole = data(made(21, 120.0))
     begun: list[np.ndarray] = []
 
@@ -78,7 +78,7 @@ def test_a_long_end_is_predicted_in_part():
 
 
 def test_fit_is_one_minus_error_over_spread(recording):
-    """Assert that the fit in per cent is that of the run that is shown, about the mean."""
+    """Assert that the fit in per cent is computed from the free run, about the mean."""
     found = predicted(data(recording), beta1=3.2)
     (run,) = found.runs
     for place, channel in enumerate(CHANNELS):
@@ -92,7 +92,7 @@ def test_fit_is_one_minus_error_over_spread(recording):
 
 
 def test_a_short_recording_keeps_no_other_from_a_horizon(recording):
-    """Assert that what one recording is too short for is predicted in the other as it is alone."""
+    """Assert that a recording too short for a horizon does not affect the others."""
     alone = predicted(data(recording), beta1=3.2)
     short = recording.window(0, 900)
     found = predicted(data(short, recording), (600, START), beta1=3.2)
@@ -103,7 +103,7 @@ def test_a_short_recording_keeps_no_other_from_a_horizon(recording):
 
 
 def test_a_horizon_within_a_sample_is_left_out(recording):
-    """Assert that a slow log is predicted over the others, without a window of no samples."""
+    """Assert that a horizon shorter than a sample is left out."""
     slow = replace(
         recording,
         sample_time=0.11,
@@ -116,7 +116,7 @@ def test_a_horizon_within_a_sample_is_left_out(recording):
 
 
 def test_wrong_models_predict_worse(recording):
-    """Assert that a soft spring shows in the deflection, a wrong friction over a long horizon."""
+    """Assert a poor deflection for a soft spring, and decay over horizons for a wrong friction."""
     fit = predicted(data(recording), theta2=50.0, alpha1=500 / 3).fit_percent
     assert fit["deflection"] < min(30.0, fit["link_position"])
     horizons = predicted(data(recording), alpha2=0.0).horizons.values()
@@ -128,7 +128,7 @@ def test_wrong_models_predict_worse(recording):
 
 @dataclass
 class Places:
-    """Windows by their places."""
+    """Stand-in for windows, identified by their indices."""
 
     which: Any
 
@@ -136,24 +136,24 @@ class Places:
         return len(self.which)
 
     def at(self, places: Any) -> "Places":
-        """Some of them."""
+        """Return a subset of the windows."""
         return Places(self.which[places])
 
 
 @dataclass
 class Bent:
-    """Two windows of a state each: one leaves x - 3, one atan(x), whose first step overshoots."""
+    """Two windows with one state each, residuals x - 3 and atan(x); the latter overshoots."""
 
     segments: Places
     start_states = np.array([[0.0], [2.0]])
 
     @property
     def first_blocks(self) -> Any:
-        """One block in each."""
+        """One block in each window."""
         return np.arange(len(self.segments) + 1)
 
     def equations(self, point: Any, _: str) -> Any:
-        """Sums of squares at a point."""
+        """Return normal equations and sums of squares at a point."""
         state, is_bent = point.initial_states[:, 0], self.segments.which == 1
         left = np.where(is_bent, np.arctan(state), state - 3.0)
         slope = np.where(is_bent, 1.0 / (1.0 + state**2), 1.0)
@@ -165,14 +165,14 @@ class Bent:
 
 
 def test_one_window_keeps_no_other_back():
-    """Assert that each finds its own state, though one of them needs shorter steps."""
+    """Assert that each window finds its own state, though one of them needs shorter steps."""
     model: Any = Bent(Places(np.arange(2)))
     states = following_states(model, np.zeros(0), model.segments)
     assert states[:, 0] == pytest.approx([3.0, 0.0], abs=1e-3)
 
 
 def test_held_out_measurements_do_not_leak(recording):
-    """Assert that the prediction of the whole end does not change when its positions do."""
+    """Assert that held-out positions do not affect the prediction of the whole end."""
     late = np.arange(5000) >= START
     spoilt = seen(recording, 7.0 * late, -7.0 * late)
     (clean,), (other,) = (predicted(data(recording)).runs for recording in (recording, spoilt))
@@ -180,18 +180,18 @@ def test_held_out_measurements_do_not_leak(recording):
 
 
 def test_late_channels_are_predicted_where_they_were_true():
-    """Assert that with the right delays a late log is predicted to its noise, and without not."""
+    """Assert that with the right delays errors are at the noise, and far above it without."""
     recording = made(22, 6.0, input_delay=2.6e-3, link_delay=3.7e-3)
     right = Timing("cubic", {"input_delay": 2.6e-3, "link_delay": 3.7e-3})
     (run,) = predicted(data(recording), (2000,), right).runs
-    inside = slice(None, -5)  # the end has no partner
+    inside = slice(None, -5)  # the last samples lie beyond the shifted data
     assert (run.measured - run.simulated)[inside, :2].std(axis=0) == pytest.approx(NOISE, rel=0.2)
     (wrong,) = predicted(data(recording), (2000,)).runs
     assert (wrong.measured - wrong.simulated)[:, 0].std() > 20.0 * NOISE
 
 
 def test_rest_is_not_tested(recording):
-    """Assert that a joint that stands still while it is held out gives no fit, good or bad."""
+    """Assert that a joint at rest in the held-out data has fits of NaN."""
     standing = np.minimum(np.arange(5000), 2500)
     noise = NOISE * np.random.default_rng(3).standard_normal((2, 5000))
     link, motor = recording.needed_link_position[standing], recording.motor_position[standing]

@@ -1,4 +1,4 @@
-"""The whole way from logs to coefficients, intervals and choices, on logs that are not flexid's."""
+"""Complete identifications, from logs of an independent simulator to intervals and choices."""
 
 import re
 from dataclasses import replace
@@ -24,7 +24,7 @@ SETTINGS = Settings(terms=TERMS, input_delay=0.0, link_delay=0.0, segment_durati
 
 
 def assert_true(result, truth, accuracy=1e-3):
-    """Every coefficient within a relative accuracy, and no others."""
+    """Assert the coefficients' names, and their values within a relative accuracy."""
     assert set(result.coefficients) == set(truth)
     for name, true in truth.items():
         assert result.coefficients[name].value == pytest.approx(true, rel=accuracy), name
@@ -32,24 +32,24 @@ def assert_true(result, truth, accuracy=1e-3):
 
 @pytest.fixture(scope="module")
 def clean():
-    """One log of the paper's joint."""
+    """Return one log of the paper's joint."""
     return log(made(1))
 
 
 @pytest.fixture(scope="module")
 def alone(clean):
-    """That log, identified with given terms but without knowledge."""
+    """Return the result of that log with given terms and no prior knowledge."""
     return identify([clean], SETTINGS)
 
 
 @pytest.fixture(scope="module")
 def automatic(clean):
-    """That log, identified without any setting."""
+    """Return the result of that log with default settings."""
     return identify([clean])
 
 
 def test_a_log_that_tells_everything(alone):
-    """Assert that given choices are kept, all is determined and true, and the noise is left."""
+    """Assert that given choices are kept, values determined and right, and only noise is left."""
     assert alone.choices.terms == TERMS
     assert alone.choices.segment_duration == pytest.approx(1.0, rel=0.1)
     assert alone.choices.alignment.input_delay.status == "given"
@@ -70,7 +70,7 @@ def test_a_log_that_tells_everything(alone):
 
 
 def test_rest_before_a_motion_changes_nothing(clean):
-    """Assert that a log of which four fifths are rest tells nearly as much: its torque jumps."""
+    """Assert that long rest before a motion changes hardly anything, though the torque jumps."""
     (moving,) = clean.recordings
     count = 4 * len(moving)
     quiet = 1e-5 * np.random.default_rng(5).standard_normal((2, count))
@@ -86,7 +86,7 @@ def test_rest_before_a_motion_changes_nothing(clean):
 
 
 def test_a_step_one_way_leaves_room_for_friction():
-    """Assert that a fifth of a constant torque may be friction, and that ratios stay known."""
+    """Assert that one-way motion may hide friction, which widens parameters, but not the ratio."""
     acts: dict[str, Any] = {"gravity_torque": 0.0, "motor_inertia": 0.5, "joint_damping": 0.3}
     acts |= {"motor_viscous": 0.8, "motor_coulomb_up": 1.0, "motor_coulomb_down": 1.0}
     acts |= {"torque": lambda at: np.where(at >= 0.2, 5.0, 0.0), "held": True}
@@ -102,8 +102,8 @@ def test_a_step_one_way_leaves_room_for_friction():
 
 
 def test_a_delay_that_is_none_is_as_doubtful_as_the_rest(fits_seen: list[FinalFits]):
-    """Assert that how large it could be has the model's error in it, as frictions left out have."""
-    # With segments given, the exact fit is reported.
+    """Assert that the interval of an absent delay includes the model error."""
+    # With a given segment duration the exact fit is reported.
     settings = Settings(terms=TERMS, segment_duration=0.5)
     result = identify([log(made(1, ripple_torque=0.5, ripple_number=10.0))], settings)
     (fits,) = fits_seen
@@ -117,7 +117,7 @@ def test_a_delay_that_is_none_is_as_doubtful_as_the_rest(fits_seen: list[FinalFi
 
 
 def test_evidence_is_given_for_each_term(automatic):
-    """Assert that terms that stay and that went have values, and what went could hardly be any."""
+    """Assert evidence for kept and removed terms, and small intervals of removed ones."""
     lower, upper = automatic.removed["motor_coulomb_friction"].interval
     assert -1e-3 < lower <= upper < 1e-3
     assert "motor_inertia" not in automatic.removed
@@ -129,7 +129,7 @@ def test_evidence_is_given_for_each_term(automatic):
 
 
 def test_option_of_the_same_name_repeats_the_choice(clean, automatic):
-    """Assert that every choice is on record, and that given by hand it gives the same values."""
+    """Assert that every choice is recorded, and repeats the values if given as a setting."""
     chosen = dict(automatic.provenance["chosen"])
     not_choices = {"known", "known_deviations", "bounds", "validation_share"}
     assert set(automatic.provenance["settings"]) - not_choices <= set(chosen)
@@ -143,7 +143,7 @@ def test_option_of_the_same_name_repeats_the_choice(clean, automatic):
 
 
 def test_every_log_has_its_own_offset():
-    """Assert that two constant torques in two logs come out as two, and spoil nothing else."""
+    """Assert that two logs have an offset each, and that other values are right."""
     logs = [log(made(2, link_offset=1.0)), log(made(3, link_offset=-0.5))]
     result = identify(logs, replace(SETTINGS, terms=(*TERMS, "link_offset")))
     assert_true(result, {**COEFFICIENTS, "theta_offset[1]": 1.0, "theta_offset[2]": -0.5})
@@ -151,7 +151,7 @@ def test_every_log_has_its_own_offset():
 
 
 def test_what_is_known_shifts_and_bounds(clean, alone):
-    """Assert that a stiffness known one deviation off draws it halfway, and a bound is kept."""
+    """Assert that a prior one deviation away shifts the stiffness halfway, and a bound is met."""
     theta2, alpha2 = (alone.coefficients[name] for name in ("theta2", "alpha2"))
     known, least = theta2.value + theta2.std, alpha2.value + alpha2.std
     settings = replace(SETTINGS, known={"theta2": known}, known_deviations={"theta2": theta2.std})
@@ -164,7 +164,7 @@ def test_what_is_known_shifts_and_bounds(clean, alone):
 
 
 def test_one_encoder_gives_the_rigid_joint():
-    """Assert that a log with one encoder gives inertia and gravity, and no compliance."""
+    """Assert that a log with one encoder gives inertia and gravity of a rigid joint."""
     stiff = made(6, joint_stiffness=1e6)
     alone = log(replace(stiff, link_position=None))
     result = identify([alone], Settings(terms=("gravity", "viscous")))
@@ -186,7 +186,7 @@ def test_one_encoder_gives_the_rigid_joint():
     ],
 )
 def test_what_the_log_contradicts_is_told(clean, given, words):
-    """Assert that it earns a sentence, and that nothing is determined beside what is certain."""
+    """Assert a warning of the contradiction, and no determined value beside an exact statement."""
     found = identify([clean], replace(SETTINGS, **given))
     assert any(re.search(words, warning) for warning in found.warnings)
     if "known_deviations" not in given:
@@ -195,7 +195,7 @@ def test_what_the_log_contradicts_is_told(clean, given, words):
 
 
 def test_thresholds_and_long_segments(clean, alone):
-    """Assert that thresholds alone change a verdict, and that no segment outlasts a log."""
+    """Assert that thresholds change verdicts only, and that a segment is no longer than the log."""
     strict = replace(THRESHOLDS, determined_width=1e-12, negligible_share=0.0)
     given = replace(SETTINGS, segment_duration=60.0)
     result = identify([clean], given, thresholds=strict)
@@ -218,9 +218,9 @@ def test_thresholds_and_long_segments(clean, alone):
     ids=["a ramp that turns it over", "a step from rest"],
 )
 def test_what_a_log_leaves_open_is_left_out(torque, more, widest):
-    """Assert that no offset that friction, delay or torque could be takes away what is known.
+    """Assert that offsets which the log leaves open are removed, and other values stay known.
 
-    A quadratic form leads to where no fit follows, or takes the edge of stiction for knowledge.
+    The minimum of the quadratic form may have no fit, or the limit of stiction may look exact.
     """
     dry = {"motor_coulomb_up": 0.3, "motor_coulomb_down": 0.3}
     result = identify([log(made(1, torque=torque, noise=1e-4, **dry, **more))])
@@ -233,7 +233,7 @@ def test_what_a_log_leaves_open_is_left_out(torque, more, widest):
 
 @pytest.mark.parametrize("position", ["motor_position", ""], ids=["a link's", "both"])
 def test_speeds_will_do_where_no_position_was_measured(position):
-    """Assert that a drive of which speeds were logged, in whole mrad/s, is found all the same."""
+    """Assert that a drive is identified from logged velocities with a resolution of 1 mrad/s."""
     times = SAMPLE_TIME * np.arange(3000)
     tones = 2.0 * np.pi * np.geomspace(0.2, 4.0, 9)
     torque = 4.0 * np.sin(np.outer(times, tones) + tones).sum(axis=1)
@@ -252,7 +252,7 @@ def test_speeds_will_do_where_no_position_was_measured(position):
 
 
 def test_a_clamped_link_leaves_the_motor_and_the_spring():
-    """Assert that all but the link is found while it is held, the spring's damping as friction."""
+    """Assert that a clamped link leaves motor and spring known, with the link undetermined."""
     times = SAMPLE_TIME * np.arange(3000)
     tones = 2.0 * np.pi * np.geomspace(0.2, 6.0, 9)
     torque = np.sin(np.outer(times, tones) + tones).sum(axis=1)

@@ -1,4 +1,4 @@
-"""A small synthetic log, ways to write and read it, and what is said where it is refused."""
+"""A small synthetic log, functions that write and read it, and messages of refusal."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -36,12 +36,12 @@ def joint_columns(count: int = 400, sample_time: float = 0.005) -> dict[str, Flo
 
 
 def without(columns: Columns, *words: str) -> dict[str, FloatArray]:
-    """The columns whose names hold none of some words."""
+    """Return the columns whose names contain none of these words."""
     return {name: v for name, v in columns.items() if not any(word in name for word in words)}
 
 
 def csv_text(columns: Mapping[str, Any], separator: str = ",") -> str:
-    """Columns as CSV text with all digits."""
+    """Return columns as CSV text with all digits."""
     rows = zip(*(np.asarray(values).tolist() for values in columns.values()), strict=True)
     lines = [separator.join(columns), *(separator.join(map(str, row)) for row in rows)]
     return "\n".join(lines) + "\n"
@@ -50,19 +50,19 @@ def csv_text(columns: Mapping[str, Any], separator: str = ",") -> str:
 def written(
     folder: Path, content: str | bytes, encoding: str = "utf-8", name: str = "log.csv"
 ) -> Path:
-    """A text, or bytes, as a file."""
+    """Write a text, or bytes, to a file and return its path."""
     path = folder / name
     path.write_bytes(content.encode(encoding) if isinstance(content, str) else content)
     return path
 
 
 def read_columns(columns: Mapping[str, Any], column_map: Any = None) -> Log:
-    """The log that columns in memory are."""
+    """Return the log of columns in memory."""
     return log_of_table(table_of_arrays(columns), column_map)
 
 
 def refused(read: Callable[..., object], *arguments: Any) -> str:
-    """The one line with which something is refused."""
+    """Return the message of a refusal, which is one line that begins with the file."""
     with pytest.raises(RecordingError) as caught:
         read(*arguments)
     message = str(caught.value)
@@ -72,7 +72,7 @@ def refused(read: Callable[..., object], *arguments: Any) -> str:
 
 
 def said(read: Callable[..., Log], *arguments: Any) -> str:
-    """The sentence with which a log is refused, or what was read of it, and its warnings."""
+    """Return the message of a refusal, or a summary of recordings and warnings."""
     try:
         log = read(*arguments)
     except RecordingError as error:
@@ -82,7 +82,7 @@ def said(read: Callable[..., Log], *arguments: Any) -> str:
 
 
 def shown(recording: Recording) -> str:
-    """A recording in a line: its grid, and the RMS of each channel."""
+    """Return a recording's grid and the RMS of each channel in one line."""
     found = {name: getattr(recording, name) for name in CHANNELS}
     sizes = {name: np.sqrt(np.mean(v**2)) for name, v in found.items() if v is not None}
     begin, step = recording.start_time, recording.sample_time
@@ -92,12 +92,12 @@ def shown(recording: Recording) -> str:
 
 
 def assert_words(words: str, message: str) -> None:
-    """Assert that a message has some words, as a pattern, in their order."""
+    """Assert that a message matches a pattern."""
     assert re.search(words, message), message
 
 
 def assert_equal_logs(one: Log, other: Log, rtol: float = 0.0) -> None:
-    """Assert that two logs hold the same recordings."""
+    """Assert that two logs have the same recordings."""
     for a, b in zip(one.recordings, other.recordings, strict=True):
         assert a.sample_time == pytest.approx(b.sample_time, rel=1e-12)
         assert a.start_time == pytest.approx(b.start_time, rel=1e-12)

@@ -1,4 +1,4 @@
-"""One log in every format that is read, as its programs lay it out."""
+"""One log in every supported format, with the layout of usual programs."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -17,7 +17,7 @@ SIGNALS = without(COLUMNS, "time")
 
 
 def hdf5(path: Path, arrays: dict[str, Any]) -> Path:
-    """Arrays by path."""
+    """Write arrays to an HDF5 file by their paths."""
     with h5py.File(path, "w") as file:
         for name, values in arrays.items():
             file[name] = values
@@ -25,17 +25,17 @@ def hdf5(path: Path, arrays: dict[str, Any]) -> Path:
 
 
 def parquet(path: Path, *columns: Any) -> None:
-    """Columns of a Parquet file, made of the log's."""
+    """Write columns of the log to a Parquet file."""
     pl.DataFrame(COLUMNS).select(*columns).write_parquet(path)
 
 
 def signal(name: str, values: Any, time: Any = COLUMNS["time"], unit: str = "") -> Signal:
-    """A channel of an MDF file with its time stamps."""
+    """Return a channel of an MDF file with its time stamps."""
     return Signal(values, time, name=name, unit=unit)
 
 
 def mdf(path: Path, *groups: Iterable[Signal], version: str = "4.10") -> None:
-    """A file of groups, each with a clock of its own."""
+    """Write an MDF file of groups, each with its own clock."""
     with MDF(version=version) as file:
         for number, group in enumerate(groups):
             file.append([*group], acq_name=f"task{number}", common_timebase=True)
@@ -43,13 +43,13 @@ def mdf(path: Path, *groups: Iterable[Signal], version: str = "4.10") -> None:
 
 
 def in_groups() -> tuple[list[Signal], ...]:
-    """Encoders and torque in two groups of an MDF file."""
+    """Return encoders and torque as two groups of an MDF file."""
     encoders = [signal(n, v, unit="rad") for n, v in SIGNALS.items() if n != "motor_torque"]
     return encoders, [signal("motor_torque", SIGNALS["motor_torque"], unit="Nm")]
 
 
 def measured(delay: int = 0) -> list[Message]:
-    """The log as JSON, the torque on a topic of its own with a delay in ns."""
+    """Return the log as JSON messages; the torque has its own topic with a delay in ns."""
     messages: list[Message] = []
     for index, stamp in enumerate(STAMPS):
         values = {name: COLUMNS[name][index] for name in ("motor_position", "link_position")}
@@ -96,7 +96,7 @@ MAPS: dict[str, dict[str, object]] = {
 
 
 def log_file(folder: Path, form: str) -> Path:
-    """The log in a format."""
+    """Write the log in a format and return its path."""
     name, write = WRITERS[form]
     write(folder / name)
     return folder / name

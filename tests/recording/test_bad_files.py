@@ -1,4 +1,4 @@
-"""Files that cannot be used: one sentence with the place and the remedy."""
+"""Unusable files: one message with the place and the remedy."""
 
 import gzip
 import os
@@ -36,17 +36,17 @@ def header(old: str, new: str) -> Edit:
 
 
 def line(number: int, *texts: str) -> Edit:
-    """Put other lines in the place of one, which counts from 1."""
+    """Replace one line, counted from 1, by others."""
     return lambda lines: [*lines[: number - 1], *texts, *lines[number:]]
 
 
 def added(number: int, *texts: str) -> Edit:
-    """Insert lines before one, which counts from 1."""
+    """Insert lines before one, counted from 1."""
     return lambda lines: [*lines[: number - 1], *texts, *lines[number - 1 :]]
 
 
 def clocked(step: int) -> Edit:
-    """Let the time count by so much from row to row."""
+    """Replace the time by whole multiples of a step."""
     return lambda lines: [
         lines[0],
         *(f"{step * k},{line.split(',', 1)[1]}" for k, line in enumerate(lines[1:])),
@@ -139,7 +139,7 @@ def test_bad_files(tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch)
 def test_paths_that_lead_to_no_file(
     tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Assert that links, pipes, folders and impossible names are known for what they are."""
+    """Assert that broken links, pipes, folders and impossible names are refused as such."""
     monkeypatch.chdir(tmp_path)
     for name, other in {"dead.csv": "none.csv", "a.csv": "b.csv", "b.csv": "a.csv"}.items():
         Path(name).symlink_to(other)
@@ -153,14 +153,14 @@ def test_huge_file(tmp_path: Path) -> None:
     """Assert that a file over the limit is refused before it is read."""
     path = tmp_path / "log.csv"
     with path.open("wb") as file:
-        file.truncate(1_000_000_000)  # a hole: no block is written
+        file.truncate(1_000_000_000)  # a sparse file: no block is written
     assert_words("larger than 500 MB, the most that is read.*cut the log", refused(read_log, path))
 
 
 def test_tables_of_more_than_memory_holds(
     tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Assert that very many columns, cells or rows are refused before they are unpacked."""
+    """Assert that too many columns, cells or rows are refused before they are unpacked."""
     monkeypatch.chdir(tmp_path)
     more = {f"c{k}": np.zeros(50) for k in range(10_000)}
     pl.DataFrame({**joint_columns(50), **more}).write_parquet("wide.parquet")

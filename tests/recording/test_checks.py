@@ -1,4 +1,4 @@
-"""Logs whose channels make no sense: what is refused, mended or warned of."""
+"""Logs with implausible channels: refused, corrected or read with a warning."""
 
 from collections.abc import Callable
 from typing import Any
@@ -17,7 +17,7 @@ SLOW: FloatArray = 0.002 * np.arange(2000.0)
 
 
 def changed(*left_out: str, **channels: Callable[[FloatArray], FloatArray] | float) -> Columns:
-    """The synthetic log with some channels changed, or scaled; 4 s of it."""
+    """Return 4 s of the synthetic log with some channels changed, or scaled."""
     columns = joint_columns(800)
     for name, change in channels.items():
         own = columns[name].copy()
@@ -26,18 +26,18 @@ def changed(*left_out: str, **channels: Callable[[FloatArray], FloatArray] | flo
 
 
 def joint(link: FloatArray, motor: FloatArray, time: FloatArray = SLOW) -> Columns:
-    """A slow motion of both encoders."""
+    """Return a slow motion of both encoders."""
     torque = np.cos(SLOW)
     return {"time": time, "link_position": link, "motor_position": motor, "motor_torque": torque}
 
 
 def coarse(step: float) -> Callable[[FloatArray], FloatArray]:
-    """What an encoder of some step reads."""
+    """Return a function that rounds to an encoder's step."""
     return lambda q: step * np.round(q / step)
 
 
 def stated(scale: float) -> Columns:
-    """A fast motion whose unit is stated."""
+    """Return a fast motion with a declared unit."""
     time: FloatArray = 1e-4 * np.arange(4000.0)
     motor = scale * np.sin(10.0 * time)
     link = motor + 0.1 * np.sin(30.0 * time)
@@ -92,14 +92,14 @@ CASES: dict[str, Columns] = {
 
 
 def test_channels_that_make_no_sense(golden: Any) -> None:
-    """Assert that faults are refused or named with the remedy, and what is possible is not."""
+    """Assert that faults are refused or named with a remedy, and that plausible logs are read."""
     golden({name: said(read_columns, columns) for name, columns in CASES.items()})
 
 
 @pytest.mark.parametrize("unit", ["rad", "deg"])
 @pytest.mark.parametrize("low", [-np.pi, -1e-9])
 def test_wraps_are_undone(low: float, unit: str) -> None:
-    """Assert that an absolute encoder's turns are counted, with a warning for each encoder."""
+    """Assert that jumps of an absolute encoder by a turn are undone, with a warning for each."""
     time = 0.005 * np.arange(800)
     motor = 8.0 * np.sin(1.5 * time)
     deflection = 0.1 * np.sin(4.0 * time)
@@ -120,7 +120,7 @@ def test_wraps_are_undone(low: float, unit: str) -> None:
 
 
 def geared(encoder: FloatArray, entry: dict[str, object], **more: object) -> Log:
-    """A slow motion, the motor's angle in turns of an encoder in front of the gear."""
+    """Return a slow motion with the motor's angle from an encoder before the gear."""
     columns = {**joint(MOTOR + 0.1 * np.sin(4.0 * SLOW), MOTOR), "encoder": encoder}
     return read_columns(columns, {"motor_position": {"column": "encoder", **entry}, **more})
 
@@ -144,14 +144,14 @@ ENCODERS = {
 
 @pytest.mark.parametrize("name", ENCODERS)
 def test_wraps_in_front_of_a_gear_are_undone(name: str) -> None:
-    """Assert that turns of the motor are counted, however many an encoder holds."""
+    """Assert that wraps of the motor's encoder are undone, for any range of the encoder."""
     log = geared(*ENCODERS[name], gear_ratio=200)
     np.testing.assert_allclose(log.recordings[0].motor_position, MOTOR, atol=2e-5)
     assert any("jumps by a turn at " in warning for warning in log.warnings)
 
 
 def test_a_counter_of_unknown_turns_is_named() -> None:
-    """Assert that a position that jumps across its range is warned of where no gear is known."""
+    """Assert a warning of a position that jumps across its range, if no gear ratio is stated."""
     encoder, entry = ENCODERS["a turn"]
     log = geared(encoder, {**entry, "scale": "1/200"})
     assert any("jumps by more than half of its range" in warning for warning in log.warnings)
@@ -159,7 +159,7 @@ def test_a_counter_of_unknown_turns_is_named() -> None:
 
 @pytest.mark.parametrize("displaced", [0.6, 0.7, 0.8, 1.0])
 def test_a_pause_is_no_wrap(displaced: float) -> None:
-    """Assert that a motor that moved during a pause, in front of a gear, is read as it is."""
+    """Assert that a motor that moved during a pause, before a gear, is read unchanged."""
     late = (np.arange(len(SLOW)) >= len(SLOW) // 2).astype(np.float64)
     turns = 0.1 * np.sin(3.0 * SLOW) + displaced * late  # of the motor
     motor = TURN * turns / 100.0
@@ -171,7 +171,7 @@ def test_a_pause_is_no_wrap(displaced: float) -> None:
 
 
 def test_a_link_that_is_held_is_read_with_a_stated_ratio() -> None:
-    """Assert that a motor that moves 99 times as much is read if its map states a ratio of 1."""
+    """Assert that a motor moving 99 times as far is read if the map states a ratio of 1."""
     columns = changed("velocity", link_position=0.01)
     log = read_columns(columns, {"gear_ratio": 1})
     np.testing.assert_array_equal(log.recordings[0].motor_position, columns["motor_position"])
@@ -179,7 +179,7 @@ def test_a_link_that_is_held_is_read_with_a_stated_ratio() -> None:
 
 
 def test_turns_that_an_encoder_does_not_know() -> None:
-    """Assert that encoders that begin on either side of zero do not differ by a turn."""
+    """Assert that encoders that start on either side of zero do not differ by a turn."""
     motion, bent = 4.0 * np.sin(1.5 * SLOW), 0.02 * np.cos(4.0 * SLOW)
     columns = joint(np.mod(motion + bent, TURN), np.mod(motion - 0.01, TURN))
     (recording,) = read_columns(columns).recordings

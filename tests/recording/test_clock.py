@@ -1,4 +1,4 @@
-"""Times as stamps, as times of day, and as numbers that count from long ago."""
+"""Times as time stamps, times of day, and numbers with a large offset."""
 
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
@@ -19,13 +19,13 @@ from flexid.recording.read import log_of_table, tables_of_file
 from flexid.recording.table import Clock, Table
 from flexid.streaming.incoming import Replay
 
-COUNT, STEP = 400, timedelta(microseconds=200)  # 5 kHz: 1.7e9 s as a number would be 0.1 % off
-BEGIN = datetime(2024, 5, 1, 23, 59, 59, 950_000, tzinfo=UTC)  # midnight is among them
+COUNT, STEP = 400, timedelta(microseconds=200)  # 5 kHz; as floats since 1970 steps err by 0.1 %
+BEGIN = datetime(2024, 5, 1, 23, 59, 59, 950_000, tzinfo=UTC)  # across midnight
 COLUMNS = joint_columns(COUNT, STEP.total_seconds())
 HOUR = timedelta(hours=1)
 CELLS = {name: values.tolist() for name, values in COLUMNS.items() if name != "time"}
 FORMS: dict[str, Callable[[datetime], str]] = {
-    "iso": lambda t: t.isoformat(),  # leaves the fraction out where it is zero
+    "iso": lambda t: t.isoformat(),  # without a fraction if it is zero
     "iso, Z": lambda t: t.isoformat().replace("+00:00", "Z"),
     "iso, summer": lambda t: (t + 2 * HOUR).isoformat().replace("+00:00", "+0200"),
     "blank": lambda t: f"{t:%Y-%m-%d %H:%M:%S.%f}",
@@ -43,12 +43,12 @@ ISO, DAYS_FIRST = ([*map(FORMS[form], MOMENTS)] for form in ("iso", "days first"
 
 
 def text_of(stamps: list[str], header: str = "time") -> str:
-    """A log with such stamps, between semicolons."""
+    """Return the log with these time stamps, separated by semicolons."""
     return csv_text({header: stamps, **CELLS}, ";")
 
 
 def assert_is_the_log(log: Log) -> None:
-    """Assert that it counts from its beginning, exactly, and holds the samples."""
+    """Assert that time starts at zero exactly, and that the samples are those of the log."""
     (recording,) = log.recordings
     assert recording.start_time == 0.0
     assert recording.sample_time == pytest.approx(2e-4, rel=1e-12)
@@ -56,7 +56,7 @@ def assert_is_the_log(log: Log) -> None:
 
 
 def since_1970(places: int) -> list[str]:
-    """Nanoseconds with a point before so many places."""
+    """Return nanoseconds with a decimal point before the last places."""
     ticks = [f"{1_714_607_999_950_000_000 + 200_000 * k}" for k in range(COUNT)]
     return [f"{t[: len(t) - places]}.{t[len(t) - places :]}".removesuffix(".") for t in ticks]
 
@@ -65,7 +65,7 @@ COMMAS = {n: [str(value).replace(".", ",") for value in values] for n, values in
 SECONDS = {"sec": [1_714_607_999 + k // 5000 for k in range(COUNT)]}
 NANOSECONDS = {"nanosec": [200_000 * (k % 5000) for k in range(COUNT)]}
 ADDED = {"time": {"sum": ["sec", {"column": "nanosec", "scale": 1e-9}]}}
-HEADERS = ("timestamp [UTC]", "Date Time", "date/time", "DateTime (ISO)")  # with no unit
+HEADERS = ("timestamp [UTC]", "Date Time", "date/time", "DateTime (ISO)")  # without a unit
 PLACES = {"s": 9, "ms": 6, "us": 3, "ns": 0}
 SAME: dict[str, tuple[str, dict[str, Any] | None]] = {  # texts, and column maps
     **{form: (text_of([*map(FORMS[form], MOMENTS)]), None) for form in FORMS},
@@ -81,7 +81,7 @@ SAME: dict[str, tuple[str, dict[str, Any] | None]] = {  # texts, and column maps
 
 @pytest.mark.parametrize("name", SAME)
 def test_times_are_seconds_from_the_first(tmp_path: Path, name: str):
-    """Assert that they are exact, however they are written and called, over midnight too."""
+    """Assert that times are exact in any format and by any name, across midnight too."""
     text, column_map = SAME[name]
     assert_is_the_log(read_log(written(tmp_path, text), column_map))
 
@@ -91,11 +91,11 @@ DECIMALS = [f"{1_714_557_600 + k // 5_000}.{2 * (k % 5_000):04d}" for k in range
 
 
 def with_eighth(stamps: list[str], cell: str) -> list[str]:
-    """Good stamps but for one, in line 9."""
+    """Return valid time stamps except one, in line 9."""
     return [*stamps[:7], cell, *stamps[8:]]
 
 
-EIGHTH = {  # one among good ones: no other form, zone or century is mixed in
+EIGHTH = {  # one among valid ones: formats, zones and centuries must agree
     **dict.fromkeys(
         ["", "2024-05-01", "2024-05-01 23:59:59.9514", "2024-05-01T23:59:59.9514"], ISO
     ),
@@ -130,7 +130,7 @@ COMPUTED: list[dict[str, object]] = [
 
 
 def test_stamps_that_do_not_do(tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch):
-    """Assert that what cannot be read, or runs backwards, is named and gets a remedy."""
+    """Assert that unreadable or decreasing time stamps are named with a remedy."""
     monkeypatch.chdir(tmp_path)
 
     def log(stamps: list[Any]) -> Log:
@@ -163,7 +163,7 @@ TYPES = {
 
 @pytest.mark.parametrize("kind", TYPES)
 def test_columns_of_parquet_files(tmp_path: Path, kind: str):
-    """Assert that times of each type are read, whole and in parts alike."""
+    """Assert that times of each type are read, in parts as in the whole."""
     path = tmp_path / "log.parquet"
     pl.DataFrame(CELLS).insert_column(0, TYPES[kind]).write_parquet(path, row_group_size=50)
     log = read_log(path)
@@ -192,7 +192,7 @@ def test_frames_and_arrays(zone: str | None):
 
 
 def test_a_log_that_is_played_again_counts_from_1970(tmp_path: Path):
-    """Assert that a stream keeps its clock, so that the next day's goes on from it."""
+    """Assert that a replayed log has seconds since 1970, so that days follow each other."""
     path = tmp_path / "log.parquet"
     pl.DataFrame(CELLS).insert_column(0, pl.Series("time", MOMENTS)).write_parquet(path)
     samples = next(iter(Replay(path, None)))
@@ -200,7 +200,7 @@ def test_a_log_that_is_played_again_counts_from_1970(tmp_path: Path):
 
 
 def streamed(clock: Clock, *stamps: str) -> FloatArray:
-    """Times of a part of a stream."""
+    """Return the times of a part of a stream."""
     frame = pl.DataFrame({"time": stamps}, schema={"time": pl.String})
     found = clock.stamped(Table("stream", frame, row_word="line", mark=""), "time")
     assert found is not None
@@ -208,7 +208,7 @@ def streamed(clock: Clock, *stamps: str) -> FloatArray:
 
 
 def test_times_of_day_of_a_stream():
-    """Assert that late ones stay in their day, and that the first one is looked for."""
+    """Assert that late times of day stay in their day, and empty first cells are skipped."""
     found = streamed(Clock(since_1970=True), "", " ", "00:00:01.5")
     np.testing.assert_array_equal(found, [np.nan, np.nan, 1.5])
     clock = Clock(since_1970=True)
@@ -218,7 +218,7 @@ def test_times_of_day_of_a_stream():
 
 
 def test_integers_that_are_too_far_apart_to_be_subtracted():
-    """Assert that their difference does not come out as another of 64 bits."""
+    """Assert that the difference of distant 64-bit integers does not overflow."""
     ticks = np.array([-3, 0, 3]) * 2**61
     table = table_of_arrays({"time": ticks})
     found = Clock().numbers(table, "time", 1e-9)
@@ -226,7 +226,7 @@ def test_integers_that_are_too_far_apart_to_be_subtracted():
 
 
 def test_seconds_since_1970_as_floating_point_numbers():
-    """Assert that a clock with a large offset is read from its beginning, its rounding as even."""
+    """Assert that seconds since 1970 start at zero, and that their rounding counts as even."""
     columns = joint_columns()
     log = read_columns({**columns, "time": columns["time"] + 1.7e9})
     assert log.warnings == ()

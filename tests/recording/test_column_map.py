@@ -1,4 +1,4 @@
-"""Column maps: renaming, scaling, combining, and what is refused."""
+"""Column maps: renaming, scaling, combining, and refusals."""
 
 import re
 import tomllib
@@ -41,12 +41,12 @@ RAW = {
 
 
 def renamed(**names: str) -> dict[str, FloatArray]:
-    """The canonical columns, some by another name."""
+    """Return the canonical columns, some with another name."""
     return {names.get(name, name): values for name, values in COLUMNS.items()}
 
 
 def geared(ratio: float) -> dict[str, FloatArray]:
-    """The log with the motor's side as it is before a gear."""
+    """Return the log with the motor's channels as before a gear."""
     factors = {"motor_torque": ratio, "motor_position": 1 / ratio, "motor_velocity": 1 / ratio}
     return {name: values / factors.get(name, 1.0) for name, values in COLUMNS.items()}
 
@@ -102,10 +102,10 @@ MAPS: dict[str, tuple[dict[str, FloatArray], dict[str, Any]]] = {
 
 @pytest.mark.parametrize("name", MAPS)
 def test_maps_give_the_log(name: str) -> None:
-    """Assert that the channels are those of the log, and that origins are their formulas."""
+    """Assert that mapped channels equal the log's, and that their origins are right formulas."""
     columns, column_map = MAPS[name]
     log = read_columns(columns, column_map)
-    assert log.warnings == ()  # with a map, columns that are not used are no surprise
+    assert log.warnings == ()  # a column map allows unused columns
     (recording,) = log.recordings
     found = {**{one: getattr(recording, one) for one in COLUMNS if one != "motor_torque"}}
     found["motor_torque"] = recording.input
@@ -138,7 +138,7 @@ ORIGINS: dict[str, tuple[dict[str, FloatArray], dict[str, Any]]] = {
 
 
 def test_what_maps_make_of_columns(golden: Any) -> None:
-    """Assert how each channel was computed, and that what may be either is refused."""
+    """Assert the formula of each channel, and that ambiguous columns are refused."""
     found = {}
     for name, (columns, column_map) in ORIGINS.items():
         try:
@@ -151,7 +151,7 @@ def test_what_maps_make_of_columns(golden: Any) -> None:
 
 
 RATIOS = ("0.01", "true", '"1/0"', '"a"', "inf")
-BAD: dict[str, tuple[str, ...]] = {  # in the place of a text of the map
+BAD: dict[str, tuple[str, ...]] = {  # replacements of a text of the map
     "scale = 30.0": ("scal = 30.0", 'scale = "30"', "scale = nan", "scale = true"),
     'column = "u", ': ("", 'column = "u", sum = ["u"], ', "sum = [], ", 'sum = ["u", "u"], '),
     'column = "u"': (
@@ -170,7 +170,7 @@ BAD: dict[str, tuple[str, ...]] = {  # in the place of a text of the map
 
 
 def test_bad_maps(tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Assert that the message names the map, the key and the remedy, of a mapping likewise."""
+    """Assert that the message names map, key and remedy, for a file as for a mapping."""
     monkeypatch.chdir(tmp_path)
     log, found = written(Path(), csv_text(RAW)), {}
     for old, new in ((old, new) for old, others in BAD.items() for new in others):
@@ -195,5 +195,5 @@ ONLY_IN_PYTHON: list[Mapping[Any, object]] = [
 
 
 def test_mappings_that_no_file_holds(golden: Any) -> None:
-    """Assert that what only Python can give is refused in a sentence, too."""
+    """Assert that mappings which only Python can express are refused in one sentence."""
     golden({repr(content): said(read_columns, RAW, content) for content in ONLY_IN_PYTHON})

@@ -1,4 +1,4 @@
-"""Logs that are wrong in meaning, of a joint that is known: each fault is named, and alone."""
+"""Faulty logs of a known joint: each fault alone is named."""
 
 from collections.abc import Callable
 from typing import Any
@@ -25,7 +25,7 @@ Columns = dict[str, FloatArray]
 
 
 def simulated(size: float = 1.0) -> Columns:
-    """12 s of a joint with gravity, friction and white noise on its sensors."""
+    """Return 12 s of a joint with gravity, friction and white noise on its sensors."""
     motion = made(1, 12.0, noise=0.0, size=size)
     link, motor = motion.needed_link_position, motion.motor_position
     noise = np.random.default_rng(1).standard_normal((4, COUNT))
@@ -45,7 +45,7 @@ Change = Callable[[FloatArray], FloatArray]
 
 
 def with_changes(**changes: Change) -> Columns:
-    """The log without velocities, some of its channels changed."""
+    """Return the log without velocities, with some channels changed."""
     columns = {name: CLEAN[name].copy() for name in POSITIONS}
     for name, change in changes.items():
         column = {"link": LINK, "motor": MOTOR, "torque": TORQUE}[name]
@@ -54,48 +54,48 @@ def with_changes(**changes: Change) -> Columns:
 
 
 def changed(**changes: Change) -> Log:
-    """The same, read."""
+    """Read the log with some channels changed."""
     return read_log(with_changes(**changes))
 
 
 def times(factor: float) -> Change:
-    """Scale a channel."""
+    """Return a function that scales a channel."""
     return lambda values: factor * values
 
 
 def held(first: int, last: int) -> Change:
-    """Repeat a sample."""
+    """Return a function that repeats one sample."""
     return lambda values: np.r_[values[:first], np.full(last - first, values[first]), values[last:]]
 
 
 def spiked(places: list[int], size: float) -> Change:
-    """Displace single samples."""
+    """Return a function that displaces single samples."""
     return lambda values: values + size * np.isin(np.arange(COUNT), places)
 
 
 def without_every(every: int) -> Columns:
-    """The log without some samples, whose time is counted from the rest."""
+    """Return the log without some samples, with the time counted from the rest."""
     kept = np.arange(COUNT) % every != every - 1
     columns = {name: CLEAN[name][kept] for name in POSITIONS}
     return columns | {"time [s]": STEP * np.arange(kept.sum())}
 
 
 def clock_without(every: int) -> Columns:
-    """The log without one or three samples in some places, which its clock shows."""
+    """Return the log without one or three samples in places, with the true times."""
     places = np.arange(1000, COUNT, every)
     gone = np.concatenate([places, places[::2] + 1, places[::2] + 2])
     return {name: np.delete(CLEAN[name], gone) for name in POSITIONS}
 
 
 def stopped(power: int, part: float) -> Columns:
-    """A position, velocity or acceleration that jumps."""
+    """Return a log with a jump of position, velocity or acceleration."""
     after = np.maximum(np.arange(COUNT) - 3000.0 - part, 0.0)
     jump = 0.01 * np.sign(after) * after**power
     return with_changes(link=lambda q: q + jump, motor=lambda q: q + jump)
 
 
 def stuck_for_a_while() -> Columns:
-    """A link that rests and goes on smoothly while the motor winds up."""
+    """Return a link that rests and then moves on smoothly, while the motor winds up."""
     at, link, motor = 3000, CLEAN[LINK].copy(), CLEAN[MOTOR].copy()
     link[at : at + 200] = link[at]
     link[at + 200 :] = link[at] + 0.3 * (STEP * np.arange(COUNT - at - 200)) ** 2
@@ -104,7 +104,7 @@ def stuck_for_a_while() -> Columns:
 
 
 def noise(_: FloatArray) -> FloatArray:
-    """White noise about a constant."""
+    """Return white noise about a constant."""
     return 0.3 + NOISE * np.random.default_rng(5).standard_normal(COUNT)
 
 
@@ -121,14 +121,14 @@ CASES: dict[str, Columns] = {
     "0.2 %": with_changes(link=times(1.002)),
     "a motor that moves 2 % more": with_changes(motor=times(1.02)),
     "2 % less": with_changes(motor=times(1.0 / 1.02)),
-    "2 % of a small motion": SMALL_MOTION,  # whose angle is too much like its sine
-    # In proportion to angle and velocity, it is no gravity in degrees.
+    "2 % of a small motion": SMALL_MOTION,  # its angle is too close to its sine
+    # Proportional to angle and velocity, this is not gravity in degrees.
     "a controller": with_changes(torque=lambda _: CONTROLLED),
     "a spike in noise": with_changes(link=spiked([900], 40.0 * NOISE)),
     "what noise may have moved": with_changes(link=spiked([900], 10.0 * NOISE)),
     "spikes": SPIKES,
     **{f"a stop, {n}, {part}": stopped(n, part) for n in (0, 1, 2) for part in (0.0, 0.5)},
-    # A side that rests to the end may have met a brake.
+    # A side that rests to the end may be held by a brake.
     "a sensor that dies": with_changes(motor=held(5000, COUNT)),
     **{
         f"a {side} stuck from {first} on": with_changes(**{side: held(first, first + 150)})
@@ -161,7 +161,7 @@ def test_faults_of_a_known_joint(golden: Any):
     golden({name: said(read_columns, columns) for name, columns in CASES.items()})
 
 
-LATE = {25: "-0.05", -51: "0.102", 10: ""}  # by samples
+LATE = {25: "-0.05", -51: "0.102", 10: ""}  # by delay in samples
 BEGINNING = CLEAN[TORQUE] * (np.arange(COUNT) < 50)
 
 
@@ -170,7 +170,7 @@ BEGINNING = CLEAN[TORQUE] * (np.arange(COUNT) < 50)
     [*((np.roll(CLEAN[TORQUE], n), d) for n, d in LATE.items()), (BEGINNING, "")],
 )
 def test_an_input_that_is_far_off_in_time(torque: FloatArray, delay: str):
-    """Assert that a delay that no fit seeks is named to a sample, and no other one."""
+    """Assert that a delay beyond the range of fits is named to the sample, and no other."""
     log = changed(torque=lambda _: torque)
     assert log.warnings == ()
     found = [*late_input(log.recordings[0])]
@@ -181,7 +181,7 @@ def test_an_input_that_is_far_off_in_time(torque: FloatArray, delay: str):
 
 
 def test_a_spring_that_hardens_is_no_other_scale():
-    """Assert that what mechanics leave is no scale, however surely a scale explains 6 % of it."""
+    """Assert no warning of a scale for unmodelled mechanics, though a scale would explain 6 %."""
     time, tones = 0.005 * np.arange(20000), np.array([2.0, 7.3])
     motion = 0.4 * np.sin(np.outer(time, tones))
     link, acceleration = motion.sum(axis=1), -motion @ tones**2
@@ -193,13 +193,13 @@ def test_a_spring_that_hardens_is_no_other_scale():
 
 
 def test_an_input_that_steps_once_is_on_time():
-    """Assert that no delay is found that moves the step into what is compared."""
+    """Assert no warning of a delay for a single step."""
     step = made(1, 4.0, noise=0.0, held=True, torque=lambda at: np.where(at > 0.2, 5.0, 0.0))
     assert [*late_input(step)] == []
 
 
 def test_lost_samples_are_put_back():
-    """Assert that they are where they were, found in positions alone or by the clock."""
+    """Assert that lost samples are restored at their places, from positions or by the clock."""
     log = read_log(without_every(33))
     (recording,) = log.recordings
     assert len(recording) > len(without_every(33)[LINK])
@@ -212,14 +212,14 @@ def test_lost_samples_are_put_back():
 
 
 def test_spikes_are_replaced():
-    """Assert that single samples are taken from their neighbours to 10 times noise."""
+    """Assert that spikes are interpolated to 10 times noise."""
     (recording,) = read_log(SPIKES).recordings
     np.testing.assert_allclose(recording.needed_link_position, CLEAN[LINK], atol=10 * NOISE)
     np.testing.assert_allclose(recording.motor_position, CLEAN[MOTOR], atol=10 * NOISE)
 
 
 def test_a_deflection_of_noise_alone_is_a_rigid_joint():
-    """Assert that the spring is sought only where the encoders differ by more than noise."""
+    """Assert that a joint counts as rigid if the encoders differ by noise alone."""
     copied = changed(link=lambda _: CLEAN[MOTOR] + noise(CLEAN[MOTOR]) - 0.3)
     recordings, (warning,) = prepare([copied], 0.3)
     assert recordings.recorded[0].link_position is None

@@ -1,7 +1,7 @@
-"""Signs that the drive's mechanics contradict are turned, and no others.
+"""Signs that contradict the drive's mechanics are reversed, and no others.
 
-The motion is given by the link's, ``q``, all of it sums of sines: without friction of the link,
-``theta = q + J q'' / k`` and ``u = M theta'' + J q'' + f theta'``.
+The motion follows from the link's, ``q``, a sum of sines. Without friction of the link, ``theta = q
++ J q'' / k`` and ``u = M theta'' + J q'' + f theta'``.
 """
 
 from collections.abc import Mapping
@@ -19,14 +19,14 @@ from flexid.recording.recording import rank_of
 J, M, K, F = 0.4, 0.3, 600.0, 0.5  # kg m², kg m², N m/rad, N m s/rad
 ANTIRESONANCE, RESONANCE = (K / J) ** 0.5, (K / J + K / M) ** 0.5  # rad/s
 SLOW = (2.0, 5.3, 9.1, 14.7)
-BETWEEN = (1.15 * ANTIRESONANCE,)  # it and the resonance
+BETWEEN = (1.15 * ANTIRESONANCE,)  # between antiresonance and resonance
 BEYOND = (0.98 * RESONANCE, 1.1 * RESONANCE)
-COUNT = 1e-6  # rad, of both encoders
+COUNT = 1e-6  # rad, resolution of both encoders
 TIME: FloatArray = 1e-3 * np.arange(8000.0)
 
 
 def driven(*frequencies: float, inertia: float = M) -> dict[str, FloatArray]:
-    """A joint whose link swings at some frequencies in rad/s, 1 rad/s fast at each."""
+    """Return a joint whose link swings at these frequencies (rad/s) with 1 rad/s each."""
     waves = [(w, np.exp(1j * (w * TIME + k)) / w) for k, w in enumerate(frequencies)]
 
     def summed(factor: Any) -> FloatArray:
@@ -40,18 +40,18 @@ def driven(*frequencies: float, inertia: float = M) -> dict[str, FloatArray]:
 
 
 def with_deflection(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """The same with a sensor in the spring in place of the link's encoder."""
+    """Return the log with a deflection sensor in place of the link's encoder."""
     found = {name: values for name, values in columns.items() if name != "link_position"}
     return found | {"deflection": columns["link_position"] - columns["motor_position"]}
 
 
 def with_one_encoder(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """The same without the link's encoder."""
+    """Return the log without the link's encoder."""
     return {name: values for name, values in columns.items() if name != "link_position"}
 
 
 def let_down() -> dict[str, FloatArray]:
-    """A load that is let down from a quarter of a turn, and gives back what lifted it."""
+    """Return a load lowered from a quarter of a turn, which returns its energy."""
     angle = 0.75 * (1.0 + np.cos(np.pi * TIME / TIME[-1])) + 0.02 * np.sin(9.0 * TIME)
     acceleration = np.gradient(np.gradient(angle, TIME), TIME)
     torque = J * acceleration + 5.0 * np.sin(angle)
@@ -75,7 +75,7 @@ RIGHT: Mapping[str, Mapping[str, FloatArray]] = {
 
 @pytest.mark.parametrize("case", RIGHT)
 def test_what_is_right_is_not_turned(case: str) -> None:
-    """Assert that nothing is said of a drive whose signs are right."""
+    """Assert that right signs cause no warning."""
     log = read_columns(RIGHT[case])
     assert not any("the other sign" in warning for warning in log.warnings)
 
@@ -93,7 +93,7 @@ def test_what_is_right_is_not_turned(case: str) -> None:
     ],
 )
 def test_a_wrong_sign_is_turned(case: str, counted: tuple[str, ...], told: tuple[str, ...]) -> None:
-    """Assert that a channel of the wrong sign is read as the right one is, and that it is said."""
+    """Assert that a channel with the wrong sign is reversed, with a warning."""
     right = read_columns(RIGHT[case])
     turned = read_columns({n: -v if n in counted else v for n, v in RIGHT[case].items()})
     for one, own in zip(turned.recordings, right.recordings, strict=True):
@@ -111,7 +111,7 @@ def test_a_wrong_sign_is_turned(case: str, counted: tuple[str, ...], told: tuple
 
 
 def test_a_reversed_link_takes_its_velocity_along_if_that_is_reversed() -> None:
-    """Assert that a velocity is the position's derivative, whichever way it was counted."""
+    """Assert that a velocity gets the sign of its position's derivative."""
     right = driven(*SLOW)
     speed = np.gradient(right["link_position"], TIME)
     for sign in (1.0, -1.0):
@@ -124,7 +124,7 @@ def test_a_reversed_link_takes_its_velocity_along_if_that_is_reversed() -> None:
 
 
 def test_a_recording_that_rests_says_nothing() -> None:
-    """Assert that of two recordings the one that moves tells, be it the shorter one."""
+    """Assert that only the recording that moves decides, even if it is the shorter one."""
     right = driven(*SLOW)
     time = np.concatenate((TIME, 20.0 + 1e-3 * np.arange(12000.0)))
     rest = {n: np.concatenate((v, np.full(12000, v[-1]))) for n, v in right.items()}
@@ -134,7 +134,7 @@ def test_a_recording_that_rests_says_nothing() -> None:
 
 
 def test_an_encoder_that_wraps_begins_near_the_other_one() -> None:
-    """Assert that whole turns are taken off once its sign is right."""
+    """Assert that whole turns are subtracted after the sign is corrected."""
     right = driven(0.3, *SLOW)
     link = right["link_position"] + 2.5
     wrapped = np.angle(np.exp(-1j * link))
@@ -146,7 +146,7 @@ def test_an_encoder_that_wraps_begins_near_the_other_one() -> None:
 
 
 def test_logs_that_show_different_signs_are_refused() -> None:
-    """Assert that a log whose sign nothing shows is not fitted with one that was turned."""
+    """Assert that a log with a reversed sign is not combined with one without."""
     turned = read_columns(driven(*SLOW) | {"motor_torque": -driven(*SLOW)["motor_torque"]})
     with pytest.raises(RecordingError, match="motor_torque: shows another sign"):
         check_alike([read_columns(driven(*SLOW)), turned])

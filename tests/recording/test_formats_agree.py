@@ -1,4 +1,4 @@
-"""One log in every format is one log: at once, in parts, and where it is cut short."""
+"""One log in every format: the same channels at once, in parts, and after rewriting."""
 
 from pathlib import Path
 
@@ -27,7 +27,7 @@ IN_PARTS = {
 
 @pytest.mark.parametrize("name", log_files.WRITERS)
 def test_channels_are_the_same_bits(name: str, tmp_path: Path):
-    """Assert that every format gives them, at its own times."""
+    """Assert that every format gives the same channels, at the same times."""
     (recording,) = read_log(log_files.log_file(tmp_path, name), log_files.MAPS.get(name)).recordings
     np.testing.assert_array_equal(recording.link_position, log_files.COLUMNS["link_position"])
     np.testing.assert_array_equal(recording.motor_position, log_files.COLUMNS["motor_position"])
@@ -38,7 +38,7 @@ def test_channels_are_the_same_bits(name: str, tmp_path: Path):
 
 @pytest.mark.parametrize("name", IN_PARTS)
 def test_parts_are_the_whole(name: str, tmp_path: Path):
-    """Assert that a file is read in parts, of one clock or of two, as it is at once."""
+    """Assert that parts of a file, with one clock or two, equal the whole."""
     file, write = IN_PARTS[name]
     path, column_map = tmp_path / file, log_files.TORQUE if "MCAP" in name else None
     write(path)
@@ -48,7 +48,7 @@ def test_parts_are_the_whole(name: str, tmp_path: Path):
 
 
 def test_a_column_says_where_it_stands(tmp_path: Path):
-    """Assert that a result names paths in a file, and that nothing but names is warned of."""
+    """Assert that a result names paths in a file, with a warning for recognised names only."""
     for name, path in (
         ("MATLAB, struct", "run.motor_position"),
         ("HDF5", "run/1/motor_position"),
@@ -56,12 +56,12 @@ def test_a_column_says_where_it_stands(tmp_path: Path):
     ):
         log = read_log(log_files.log_file(tmp_path, name))
         assert log.columns["motor_position"].columns == {path: 1.0}
-        assert len(log.warnings) == name.startswith("ROS")  # taken by their names
+        assert len(log.warnings) == name.startswith("ROS")  # recognised by name
     assert {*log.columns} == {"time", *log_files.SIGNALS}
 
 
 def test_a_table_comes_back(tmp_path: Path):
-    """Assert that a Parquet file replaces what was there, and a full disk is said."""
+    """Assert that a Parquet file replaces an older one, and that a full disk is an error."""
     table, path = pl.DataFrame({"time": [0.0, 0.1]}), tmp_path / "a.parquet"
     write_parquet(table.head(1), path)
     write_parquet(table, path)

@@ -1,4 +1,4 @@
-"""A sensor that repeats its last sample: what it repeats is no motion, and is left out."""
+"""Frozen sensors: repeated samples in motion are left out."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ Columns = dict[str, FloatArray]
 
 
 def columns(count: int = 400, noise: float = 1e-5) -> Columns:
-    """A motion with noise in rad on both positions, and its torque."""
+    """Return a motion with noise in rad on both positions, and its torque."""
     rng = np.random.default_rng(3)
     found = without(joint_columns(count, STEP), "velocity")
     for name in ENCODERS:
@@ -23,7 +23,7 @@ def columns(count: int = 400, noise: float = 1e-5) -> Columns:
 
 
 def repeated(found: Columns, start: int = 320, stop: int = 400) -> Columns:
-    """The same with one sample in place of those that follow it."""
+    """Return the log with one sample repeated over a range."""
     for name, values in found.items():
         if name != "time":
             values[start:stop] = values[start]
@@ -31,7 +31,7 @@ def repeated(found: Columns, start: int = 320, stop: int = 400) -> Columns:
 
 
 def quantised(found: Columns, bits: int) -> Columns:
-    """The same by encoders of so many bits; of none, as it is."""
+    """Return the log with encoders of this many bits; 0 changes nothing."""
     step = 2.0 * np.pi / 2**bits
     for name in ENCODERS if bits else ():
         found[name] = step * np.round(found[name] / step)
@@ -39,7 +39,7 @@ def quantised(found: Columns, bits: int) -> Columns:
 
 
 def braked(deceleration: float, bits: int = 0, jump: float = 0.0) -> Columns:
-    """A joint that turns back and forth, brakes evenly from 1 s on, and rests."""
+    """Return a joint that turns back and forth, brakes evenly from 1 s on, and rests."""
     found, place = columns(noise=0.0), 200
     after = np.maximum(found["time"] - 1.0, 0.0)
     for name in ENCODERS:
@@ -54,7 +54,7 @@ def braked(deceleration: float, bits: int = 0, jump: float = 0.0) -> Columns:
 
 
 def at_rest(found: Columns, part: slice, place: int, *names: str) -> Columns:
-    """The same where some channels stand still."""
+    """Return the log with some channels constant over a part."""
     for name in names:
         found[name][part] = found[name][place]
     return found
@@ -76,14 +76,14 @@ CASES: dict[str, Columns] = {
 
 
 def test_what_is_left_out(golden: Any):
-    """Assert that a stretch is left out where it repeats a sample in mid-motion, and not else."""
+    """Assert that repeated samples are left out in motion only."""
     golden({name: said(read_columns, found) for name, found in CASES.items()})
 
 
 @pytest.mark.parametrize("bits", [0, 11, 12, 13, 14])
 @pytest.mark.parametrize("braking", [1, 2, 5])
 def test_a_drive_from_point_to_point_rests(bits: int, braking: int):
-    """Assert that a drive that stops dead, holds without a torque, and goes on is read whole."""
+    """Assert that a drive that stops abruptly, rests without torque, and moves on is read whole."""
     run = np.r_[np.full(60, 0.8), np.linspace(0.8, 0.0, braking), np.zeros(70)]
     speed = np.concatenate([run] * 4)
     torque = np.where(speed == 0.0, 0.0, speed + np.sin(np.arange(len(speed))))
@@ -91,5 +91,5 @@ def test_a_drive_from_point_to_point_rests(bits: int, braking: int):
     found = {"time": STEP * np.arange(len(speed)), "motor_torque": torque}
     found |= {"link_position": link, "motor_position": link + 0.01 * torque}
     (recording,) = read_columns(quantised(found, bits)).recordings
-    # At the very end a rest and a frozen logger are the same.
+    # At the very end a rest and a frozen logger look the same.
     assert len(recording) >= len(speed) - 70 + 1

@@ -1,4 +1,4 @@
-"""Samples that were lost while the time was counted on: found where they are."""
+"""Lost samples in logs with a counted time: detection and place."""
 
 import numpy as np
 import pytest
@@ -18,17 +18,17 @@ def motion(noise: float, seed: int = 1, rate: float = 100.0) -> np.ndarray:
 
 
 def lost_of(positions: np.ndarray | list[np.ndarray]) -> np.ndarray:
-    """What is found lost of positions whose time was counted."""
+    """Return the number lost after each sample, for positions with a counted time."""
     return lost_samples([*positions], STEP * np.arange(len(positions[0]), dtype=np.float64))
 
 
 def without(positions: np.ndarray, lost: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-    """The positions without some samples, and how many are missing after each that is left."""
+    """Return positions without some samples, and the number missing after each one."""
     kept = np.delete(np.arange(positions.shape[1]), lost)
     return list(positions[:, kept]), np.diff(kept) - 1
 
 
-SWING = 0.02 * np.sin(2.0 * np.pi * np.arange(3000) / 12.0)  # of which no parabola knows
+SWING = 0.02 * np.sin(2.0 * np.pi * np.arange(3000) / 12.0)  # not described by a parabola
 RESONANCE = motion(1e-5) + np.outer([1.0, -0.5], SWING)
 
 
@@ -48,7 +48,7 @@ def test_lost_samples_are_found_where_they_are(positions: np.ndarray, seed: int,
 
 @pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-3])
 def test_nothing_is_found_where_nothing_is_lost(noise: float):
-    """Assert that a motion, one that stops dead and goes on, and one of jumps lose nothing."""
+    """Assert that nothing is found in smooth motion, with stop and go, or with jumps."""
     positions = motion(noise)
     for other in (positions, np.maximum(positions, 0.2), np.sign(positions)):
         assert not lost_of(other).any()
@@ -56,45 +56,45 @@ def test_nothing_is_found_where_nothing_is_lost(noise: float):
 
 @pytest.mark.parametrize(("shift", "found"), [(1, False), (8, True)])
 def test_what_happens_only_where_a_motion_turns_is_no_loss(shift: int, found: bool):
-    """Assert that samples are not put back where friction bends a motion, and are elsewhere."""
+    """Assert that kinks by friction at reversals are not lost samples, and others are."""
     turns = np.flatnonzero(np.diff(np.sign(np.diff(motion(0.0)[1]))))
     lost = lost_of(without(motion(1e-5), turns[2:-2] + shift)[0])
     assert np.count_nonzero(lost) == found * len(turns[2:-2])
 
 
 def test_an_error_that_is_usual_nearby_shows_less():
-    """Assert that squares count by what they are nearby, where a chirp is at its fastest."""
+    """Assert that squares are normalised by nearby ones, as in the fastest part of a chirp."""
     squares = np.random.default_rng(3).chisquare(2, 2400)
     squares[2000:] *= 4.0
     found = _local_inflation(squares, 2)
     assert found[:2000] == pytest.approx(np.ones(2000), rel=0.4)
     assert found[2000:] == pytest.approx(np.full(400, 4.0), rel=0.4)
-    assert found.min() == 1.0  # a calm stretch shows no more
+    assert found.min() == 1.0  # a calm stretch does not count more
 
 
 def test_repeated_samples_are_no_lost_ones():
-    """Assert that a log whose samples are repeated as often as lost is left alone."""
+    """Assert that a log with as many repeated as lost samples is left unchanged."""
     positions, _ = without(motion(1e-5), np.arange(100, 2900, 140))
     repeated = [np.insert(p, np.arange(50, 2900, 140), p[50:2900:140]) for p in positions]
     assert not lost_of(repeated).any()
 
 
 def test_a_clock_that_was_read_is_left_alone():
-    """Assert that losses are not looked for where the time itself shows them."""
+    """Assert that losses are not sought if the time itself shows them."""
     positions, true = without(motion(1e-5), np.arange(100, 2900, 50))
     read = STEP * np.append(0, np.cumsum(1.0 + true))
     assert not lost_samples(positions, read).any()
 
 
 def coarse(rate: float, lost: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Times in hundredths of a second, and the positions, of a motion without some samples."""
+    """Return times in hundredths of a second, and positions, without some samples."""
     kept = np.setdiff1d(np.arange(3000), lost)
     return np.round(kept / rate, 2), [*motion(1e-4, 3, rate)[:, kept]]
 
 
 @pytest.mark.parametrize("lost", [[], [*range(20, 2900, 90)]])
 def test_double_steps_of_a_coarse_clock_are_no_losses(lost: list[int]):
-    """Assert that 97 samples per second are these, and samples lost beside are found as such."""
+    """Assert that 97 samples per second in whole 10 ms are even, with other losses found."""
     time, positions = coarse(97.0, np.array(lost, dtype=int))
     counted = even_times(time, positions)
     assert counted is not None
@@ -104,7 +104,7 @@ def test_double_steps_of_a_coarse_clock_are_no_losses(lost: list[int]):
 
 
 def test_losses_that_recur_evenly_are_no_coarse_clock():
-    """Assert that the positions decide where a clock alone could be either."""
+    """Assert that positions decide if a coarse clock and regular losses give the same times."""
     time, positions = coarse(100.0, np.arange(20, 3000, 32))
     assert even_times(time, positions) is None
     still = [0.0 * values for values in positions]
@@ -112,7 +112,7 @@ def test_losses_that_recur_evenly_are_no_coarse_clock():
 
 
 def test_a_clock_that_jumps_is_counted_on_the_evidence_of_the_positions():
-    """Assert that double steps at random, of which no position knows, are taken out."""
+    """Assert that random double steps of the clock are removed if positions contradict them."""
     time = STEP * np.arange(3000, dtype=np.float64)
     for place in np.random.default_rng(5).choice(np.arange(20, 2980), 40, replace=False):
         time[place:] += STEP

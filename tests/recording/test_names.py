@@ -1,4 +1,4 @@
-"""Columns that are recognised by the names that they usually have, and the units in them."""
+"""Recognition of columns by usual names, and the units in them."""
 
 from math import pi
 from typing import Any
@@ -78,14 +78,14 @@ STRANGE = (
 
 @pytest.mark.parametrize("channel", USUAL)
 def test_usual_names(channel: str) -> None:
-    """Assert that a name is known for the channel it usually is."""
+    """Assert that usual names are recognised as their channel."""
     found = [usual_channel(name) for name in USUAL[channel]]
     assert [one and one[0] for one in found] == [channel] * len(found)
 
 
 @pytest.mark.parametrize("name", STRANGE)
 def test_other_names(name: str) -> None:
-    """Assert that nothing is made of a name that may mean something else."""
+    """Assert that ambiguous names are not recognised."""
     assert usual_channel(name) is None
 
 
@@ -96,7 +96,7 @@ TIME, LINK, MOTOR, TORQUE = (
 
 
 def named(*left_out: str, **names: str) -> dict[str, Any]:
-    """The log without velocities and some channels, others by other names."""
+    """Return the log without velocities and some channels, with some names changed."""
     columns = without(COLUMNS, "velocity", *left_out)
     return {names.get(name, name): values for name, values in columns.items()}
 
@@ -145,11 +145,11 @@ NAMED: dict[str, dict[str, Any]] = {
 
 
 def test_names_of_columns(golden: Any) -> None:
-    """Assert that columns are what they usually are, that it is said, and that two are refused."""
+    """Assert that recognised columns are reported, and that two for one channel are refused."""
     golden({name: said(read_columns, columns) for name, columns in NAMED.items()})
 
 
-GRAVITY = 9.80665  # m/s², standard
+GRAVITY = 9.80665  # m/s², standard gravity
 INCH = 0.0254  # m
 POUND = 0.45359237 * GRAVITY  # N
 UNITS = {
@@ -204,14 +204,14 @@ UNITS = {
 
 
 def test_units() -> None:
-    """Assert that a unit has its factor and its SI unit, however it is written."""
+    """Assert that a unit has its factor and its SI unit, in any spelling."""
     for (factor, si_unit), texts in UNITS.items():
         for text in texts:
             found = scale_to_si(text, tuple(EXAMPLES))
             assert found == (pytest.approx(factor, rel=1e-12), si_unit), text
 
 
-REFUSED = (  # what has the dimension by accident, or another; and what is no unit at all
+REFUSED = (  # other dimensions, some alike by accident, and texts that are no unit
     *("Hz", "1/s", "Ms", "as", "MS", "N m/rad", "m", "rad^2", "", "percent", "‰", "Grad", "counts"),
     *("mm", "N", "mm/s"),
     *("furlongs!", "9^9^9", "km^9999", "km²³²³²³", "rad/", "__x", "("),
@@ -219,7 +219,7 @@ REFUSED = (  # what has the dimension by accident, or another; and what is no un
 
 
 def test_units_that_are_refused(golden: Any) -> None:
-    """Assert that the message says what to write instead."""
+    """Assert that the message names a unit to use instead."""
     turns = dict.fromkeys(REFUSED, ("s", "rad", "rad/s", "N m", "V", "A"))
     slides = dict.fromkeys(("MM", "deg", "mN m", "cnts", "%"), ("m", "N"))
     found = {}
@@ -231,7 +231,7 @@ def test_units_that_are_refused(golden: Any) -> None:
 
 
 def test_usual_units() -> None:
-    """Assert that a symbol is known as it is written, and a word in any letters."""
+    """Assert that symbols are case-sensitive, and words are not."""
     assert all(map(is_usual, ("kHz", "Volts", "s")))
     assert not any(map(is_usual, ("S", "v", "speed")))
 

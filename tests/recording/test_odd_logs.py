@@ -1,4 +1,4 @@
-"""Logs as drive engineers export them: right numbers, or a sentence that says what to do."""
+"""Logs as engineers' programs export them: right values, or a message with a remedy."""
 
 from pathlib import Path
 from typing import Any
@@ -29,12 +29,12 @@ DEGREES = {n: np.degrees(v) if "position" in n else v for n, v in COLUMNS.items(
 
 
 def headed(header: str, columns: Columns = COLUMNS) -> str:
-    """The log with another header."""
+    """Return the log with another header."""
     return f"{header}\n{csv_text(columns).partition(chr(10))[2]}"
 
 
 def times_per_channel() -> str:
-    """The log as programs write it that store a time with each channel."""
+    """Return the log with a time column for each channel."""
     rows = [line.split(",") for line in LINES]
     lines = [f"{t},{q},{t},{m},{t},{u}" for t, q, m, u in rows]
     return "\n".join(["time,link_position,time,motor_position,time,motor_torque", *lines]) + "\n"
@@ -46,7 +46,7 @@ LABELS = (
     ",BlockPath: m/a,BlockPath: m/b,BlockPath: m/c"
 )
 HUNDREDTHS = {n: 100.0 * v if "position" in n else v for n, v in DEGREES.items()}
-HEADERS = {  # of columns in SI
+HEADERS = {  # for columns in SI units
     "topics of states": "__time,/link/joint_states/pos,/motor/joint_states/pos,/js/effort",
     "round brackets": "time (s),link_position(rad),motor_position,motor_torque (N m)",
     "capitals and blanks": "TIME,Link position [RAD],MotorPosition,Motor-Torque (Nm)",
@@ -92,7 +92,7 @@ READ: dict[str, str | bytes] = {
 
 
 def interrupted(*others: str) -> str:
-    """The log with other lines in it, one after each tenth row."""
+    """Return the log with other lines inserted, one after each tenth row."""
     lines = [HEADER, *LINES]
     for place, other in enumerate(others, start=1):
         lines.insert(11 * place, other)
@@ -103,7 +103,7 @@ HOLES = ("", "NaN", "NA", "n/a", "null", "None", "#N/A", "-", "-1.#QNAN0")
 
 
 def with_holes(cell: str) -> str:
-    """The log whose link position has a value in every second row."""
+    """Return the log with a link position in every second row only."""
     rows = [line.split(",") for line in LINES]
     for row in rows[1::2]:
         row[1] = cell
@@ -111,7 +111,7 @@ def with_holes(cell: str) -> str:
 
 
 def runs_one_after_the_other() -> str:
-    """The log in two halves, each of which begins at zero."""
+    """Return the log in two halves, each of which begins at zero."""
     half = len(LINES) // 2
     again = [line.split(",", 1)[1] for line in LINES[half:]]
     second = [f"{line.split(',', 1)[0]},{rest}" for line, rest in zip(LINES, again, strict=False)]
@@ -119,7 +119,7 @@ def runs_one_after_the_other() -> str:
 
 
 def sparse(every: int) -> FloatArray:
-    """A velocity that has few values."""
+    """Return a velocity with few values."""
     return np.where(np.arange(400) % every == every - 1, COLUMNS["link_position"], np.nan)
 
 
@@ -137,7 +137,7 @@ READ |= LEFT_OUT
 
 @pytest.mark.parametrize("name", LEFT_OUT)
 def test_lines_count_where_some_hold_no_sample(name: str, tmp_path: Path) -> None:
-    """Assert that a bad cell has its line still."""
+    """Assert that the line number of a bad cell is right despite lines without samples."""
     lines = LEFT_OUT[name].splitlines()
     place = lines.index(LINES[-1].replace(",", " ") if "blanks" in name else LINES[-1])
     lines[place] = lines[place].replace("1.995", "1.9x5", 1)
@@ -147,7 +147,7 @@ def test_lines_count_where_some_hold_no_sample(name: str, tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("name", READ)
 def test_read(name: str, tmp_path: Path) -> None:
-    """Assert that the numbers are right without a column map."""
+    """Assert that values are right without a column map."""
     log = read_log(written(tmp_path, READ[name]))
     assert_equal_logs(log, read_columns(COLUMNS), 1e-12)
 
@@ -182,20 +182,20 @@ OTHERS: dict[str, str] = {
 
 
 def test_what_is_said_of_texts(tmp_path: Path, golden: Any, monkeypatch: Any) -> None:
-    """Assert that one sentence says what to do, or what was left out."""
+    """Assert that one sentence gives the remedy, or names what was left out."""
     monkeypatch.chdir(tmp_path)
     golden({name: said(read_log, written(Path(), text)) for name, text in (READ | OTHERS).items()})
 
 
 def test_two_rates_in_one_table(tmp_path: Path) -> None:
-    """Assert that rows in which one sensor was not read make a log of the slower rate."""
+    """Assert that rows without one sensor's value are dropped, which gives the slower rate."""
     (recording,) = read_log(written(tmp_path, with_holes(""))).recordings
     for name in ("link_position", "motor_position"):
         np.testing.assert_allclose(getattr(recording, name), COLUMNS[name][::2], atol=1e-12)
 
 
 def without_values(**places: Any) -> dict[str, Any]:
-    """The log with values that are missing."""
+    """Return the log with missing values."""
     columns = {name: values.copy() for name, values in COLUMNS.items()}
     for name, missing in places.items():
         columns[name][missing] = np.nan
@@ -203,7 +203,7 @@ def without_values(**places: Any) -> dict[str, Any]:
 
 
 def some(places: Any, columns: Columns = COLUMNS, **changed: Any) -> dict[str, Any]:
-    """Some samples of a log, in this order, and channels as they are."""
+    """Return some samples of a log, in this order, with some columns replaced."""
     return {name: values[places] for name, values in columns.items()} | changed
 
 
@@ -254,5 +254,5 @@ MAPS: dict[str, dict[str, Any]] = {
 
 
 def test_what_is_said_of_columns(golden: Any) -> None:
-    """Assert that what is missing, repeated or counted otherwise is mended or named."""
+    """Assert that missing, repeated or differently counted values are corrected or named."""
     golden({name: said(read_columns, one, MAPS.get(name)) for name, one in IN_MEMORY.items()})

@@ -1,4 +1,4 @@
-"""Signals with clocks of their own, brought to one."""
+"""Signals with different clocks, resampled to one."""
 
 import numpy as np
 import pytest
@@ -16,13 +16,13 @@ TIMES = 0.01 * np.arange(100.0)
 def joined(
     times: FloatArray, values: FloatArray, *, held: bool = False
 ) -> tuple[FloatArray, dict[str, FloatArray], tuple[str, ...]]:
-    """Bring a signal to `TIMES`, of which another signal has the clock."""
+    """Resample a signal to `TIMES`, the clock of another signal."""
     signals = [Signal("a", "slow", TIMES, False), Signal("b", "other", values, held)]
     return on_one_clock("log", {"slow": TIMES, "other": times}, signals)
 
 
 def test_the_same_clock():
-    """Assert that time stamps that differ by rounding are one clock: nothing is interpolated."""
+    """Assert that time stamps that differ by rounding are one clock, without interpolation."""
     values = np.random.default_rng(1).normal(size=100)
     times, columns, warnings = joined(TIMES + 1e-7, values)
     np.testing.assert_array_equal(columns["b"], values)
@@ -31,7 +31,7 @@ def test_the_same_clock():
 
 
 def test_cubics_are_kept():
-    """Assert that a position which is a cubic of time is met exactly between its samples."""
+    """Assert that a cubic position is interpolated exactly."""
     fast = 0.0033 * np.arange(320.0)
     times, columns, warnings = joined(fast, fast**3 - fast)
     np.testing.assert_allclose(columns["b"], times**3 - times, atol=1e-12)
@@ -39,7 +39,7 @@ def test_cubics_are_kept():
 
 
 def test_inputs_do_not_overshoot():
-    """Assert that an input that steps, logged about as often, stays between its values."""
+    """Assert that an input with steps, sampled about as often, stays between its values."""
     as_fast = 0.0095 * np.arange(110.0)
     _, columns, warnings = joined(as_fast, np.sign(np.sin(20.0 * as_fast) + 0.1), held=True)
     assert np.abs(columns["b"]).max() <= 1.0
@@ -47,7 +47,7 @@ def test_inputs_do_not_overshoot():
 
 
 def test_a_fast_input_acts_by_its_mean():
-    """Assert that the impulse of a noisy torque is kept, which one in ten of its samples misses."""
+    """Assert that the impulse of a noisy torque is kept, unlike by every tenth sample."""
     fast = 0.001 * np.arange(1000.0)
     noise = np.random.default_rng(4).normal(size=len(fast))
     impulse = 0.001 * np.cumsum(noise)
@@ -64,7 +64,7 @@ def test_a_fast_input_acts_by_its_mean():
 
 @pytest.mark.parametrize(("rate", "gain"), [(30.0, 1.0), (100.0, 1.0), (600.0, 0.0)])
 def test_what_the_slower_clock_can_show_passes_without_delay(rate: float, gain: float):
-    """Assert that tones pass to a third of half the rate, 50 Hz, and that none is beyond it."""
+    """Assert that tones pass up to a third of the Nyquist frequency, and none above it."""
     fast = 0.001 * np.arange(1000.0)
     times, columns, _ = joined(fast, np.sin(rate * fast), held=True)
     middle = (times > 0.1) & (times < 0.9)
@@ -72,7 +72,7 @@ def test_what_the_slower_clock_can_show_passes_without_delay(rate: float, gain: 
 
 
 def test_nothing_is_filtered_across_a_gap():
-    """Assert that an input behind a gap does not leak into what was before it."""
+    """Assert that an input after a gap does not affect samples before the gap."""
     fast = 0.001 * np.arange(1000.0)
     kept = (fast < 0.4) | (fast > 0.6)
     times, columns, _ = joined(fast[kept], np.where(fast < 0.5, 1.0, -50.0)[kept], held=True)
@@ -80,7 +80,7 @@ def test_nothing_is_filtered_across_a_gap():
 
 
 def test_a_gap_of_another_clock_is_one():
-    """Assert that where another signal was not logged no sample is made up."""
+    """Assert that no samples are created in a gap of another signal."""
     fast = 0.005 * np.arange(200.0)
     logged = fast[(fast < 0.3) | (fast > 0.6)]
     times, columns, _ = joined(logged, np.sin(logged))
@@ -90,7 +90,7 @@ def test_a_gap_of_another_clock_is_one():
 
 
 def test_a_clock_that_paused_is_no_slower():
-    """Assert that a fast clock with a long pause is not taken, and its input is filtered."""
+    """Assert that a fast clock with a long pause counts as fast, and its input is filtered."""
     fast = np.concatenate((0.001 * np.arange(20.0), 0.97 + 0.001 * np.arange(15.0)))
     assert len(fast) < len(TIMES)
     times, _, warnings = joined(fast, np.zeros(len(fast)), held=True)
@@ -99,7 +99,7 @@ def test_a_clock_that_paused_is_no_slower():
 
 
 def test_the_slower_clock_is_taken():
-    """Assert that nothing is made of samples that are not there: the slowest clock is the log's."""
+    """Assert that the slowest clock is taken, so that no samples are invented."""
     slow = 0.02 * np.arange(50.0)
     times, columns, warnings = joined(slow, slow)
     np.testing.assert_allclose(times, slow)
@@ -121,14 +121,14 @@ def test_the_slower_clock_is_taken():
     ],
 )
 def test_clocks_that_cannot_be_used(times: FloatArray, values: FloatArray, words: str):
-    """Assert that clocks that do not run or meet are named, and an encoder that wraps."""
+    """Assert that decreasing or disjoint clocks are named, and an encoder that wraps."""
     assert words in refused(joined, times, values)
 
 
 @settings(deadline=None, max_examples=100, derandomize=True)
 @given(st.data())
 def test_any_clocks(data: st.DataObject):
-    """Assert that any increasing clocks give times within both and finite values, or none."""
+    """Assert that any increasing clocks give common times and finite values, or a refusal."""
     steps = st.lists(st.floats(1e-4, 0.1), min_size=2, max_size=60)
     clocks = {name: np.cumsum(data.draw(steps)) for name in ("slow", "other")}
     signals = [Signal(name, name, np.sin(times), False) for name, times in clocks.items()]

@@ -1,4 +1,4 @@
-"""What a file holds before its columns are known."""
+"""Overview of a file whose columns are unknown."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,12 +12,12 @@ from flexid.recording.series import overview
 
 
 def rows(cells: str) -> str:
-    """Thirty rows, each with its number."""
+    """Return thirty rows, each with its number."""
     return "".join(f"{k},{cells.format(k=k)}\n" for k in range(30))
 
 
 def parquet(folder: Path) -> Path:
-    """A table with an empty cell."""
+    """Write a table with an empty cell."""
     table = pl.DataFrame({"time": [0.0, 0.1], "motor_position": [None, 1 / 3]})
     table.write_parquet(folder / "a.parquet")
     return folder / "a.parquet"
@@ -34,7 +34,7 @@ FILES: dict[str, Callable[[Path], Path]] = {
 
 
 def test_what_files_hold(tmp_path: Path, golden: Any) -> None:
-    """Assert that columns, units, first values, types and channels are found, or why not."""
+    """Assert columns, units, first values, types and channels, or the reason for none."""
     found = {}
     for name, write in FILES.items():
         one = overview(write(tmp_path))

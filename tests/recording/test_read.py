@@ -1,4 +1,4 @@
-"""Reading logs that can be used: channels, units, inputs, and the grid of their times."""
+"""Reading of usable logs: channels, units, inputs, and the grid of their times."""
 
 import hashlib
 import io
@@ -29,7 +29,7 @@ CHANNELS = ("link_position", "motor_position", "link_velocity", "motor_velocity"
 
 
 def test_canonical_columns(tmp_path: Path) -> None:
-    """Assert that every channel arrives bit for bit, with the digest of its file."""
+    """Assert that every channel is read bit for bit, with the digest of its file."""
     columns = joint_columns()
     path = written(tmp_path, csv_text(columns))
     log = read_log(path)
@@ -44,7 +44,7 @@ def test_canonical_columns(tmp_path: Path) -> None:
 
 
 def test_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Assert that text from standard input is read as that of a file, and said where it is bad."""
+    """Assert that text from standard input is read like a file, and named in messages."""
     columns = joint_columns()
     text = csv_text(columns)
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text.encode())))
@@ -56,7 +56,7 @@ def test_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_xarray() -> None:
-    """Assert that a data set's coordinate is a column, and its attributes are units."""
+    """Assert that a data set's coordinate is a column, and that its attributes are units."""
     xarray = pytest.importorskip("xarray")
     columns = joint_columns()
     channels: dict[str, Any] = {
@@ -69,19 +69,19 @@ def test_xarray() -> None:
 
 
 def rows(kept: NDArray[Any]) -> dict[str, FloatArray]:
-    """Some samples of all columns."""
+    """Return some samples of all columns."""
     return {name: values[kept] for name, values in joint_columns().items()}
 
 
 def test_a_gap_gives_two_recordings() -> None:
-    """Assert that both sides of a gap are what two files would have given."""
+    """Assert that both sides of a gap are read as if from two files."""
     log = read_columns(rows(np.r_[0:150, 190:400]))
     parts = [read_columns(rows(np.r_[a:b])).recordings[0] for a, b in ((0, 150), (190, 400))]
     assert_equal_logs(log, Log(tuple(parts), (), "", ""))
 
 
 def jittered(share: float, count: int = 2000) -> dict[str, FloatArray]:
-    """A motion sampled at times that are off an even grid by up to `share` of a step."""
+    """Return a motion with sampling jitter of up to `share` of a step."""
     offset = share * 0.005 * np.random.default_rng(7).uniform(-1.0, 1.0, count)
     time = 0.005 * np.arange(count) + offset
     motor = np.sin(2.0 * time)
@@ -90,7 +90,7 @@ def jittered(share: float, count: int = 2000) -> dict[str, FloatArray]:
 
 
 def test_rounded_time_is_even() -> None:
-    """Assert that a time printed with few digits changes no sample and gives no warning."""
+    """Assert that a time with few digits changes no sample and gives no warning."""
     columns = jittered(0.0005)
     log = read_columns(columns)
     assert log.warnings == ()
@@ -102,7 +102,7 @@ def test_rounded_time_is_even() -> None:
     ("share", "varies", "error"), [(0.08, "15 %", 1e-7), (0.22, "42 %", 2e-7), (0.45, "87 %", 1e-6)]
 )
 def test_jitter_is_interpolated(share: float, varies: str, error: float) -> None:
-    """Assert what is left of it in rad, where taking it as even would cost 5e-4 rad and more."""
+    """Assert the interpolation error in rad; without interpolation it would exceed 5e-4 rad."""
     columns = jittered(share)
     log = read_columns(columns)
     words = f"'time': .* vary by {varies} of .* 5.* ms, so .*interpolated to even times: record at"
@@ -114,7 +114,7 @@ def test_jitter_is_interpolated(share: float, varies: str, error: float) -> None
 
 
 def late_stamps(kind: str, steps: float) -> FloatArray:
-    """Times of 2000 samples that are even, and are stamped too late: sometimes by steps."""
+    """Return 2000 even times with delayed stamps; the delays are in steps."""
     rng = np.random.default_rng(8)
     late = rng.uniform(0.0, steps, 2000) if kind == "uniform" else rng.exponential(steps, 2000)
     return np.sort(0.005 * (np.arange(2000) + np.minimum(late, 3.0))).astype(np.float64)
@@ -124,7 +124,7 @@ def late_stamps(kind: str, steps: float) -> FloatArray:
     ("kind", "steps"), [("uniform", 0.1), ("uniform", 0.9), ("exponential", 0.3)]
 )
 def test_late_stamps_of_even_samples_move_none(kind: str, steps: float) -> None:
-    """Assert that the motion tells that samples were even, and none is put in or moved."""
+    """Assert that the smoothness of positions shows even sampling, and no sample is changed."""
     columns = joint_columns(2000) | {"time": late_stamps(kind, steps)}
     log = read_columns(columns)
     (recording,) = log.recordings
@@ -134,7 +134,7 @@ def test_late_stamps_of_even_samples_move_none(kind: str, steps: float) -> None:
 
 
 def test_samples_lost_at_random_are_interpolated() -> None:
-    """Assert that a log without a quarter of its samples is whole but for its longest gaps."""
+    """Assert that a log without a quarter of its samples is complete except for longest gaps."""
     kept = np.sort(np.random.default_rng(9).choice(2000, 1500, replace=False))
     columns = {name: values[kept] for name, values in jittered(0.0).items()}
     log = read_columns(columns)
@@ -145,7 +145,7 @@ def test_samples_lost_at_random_are_interpolated() -> None:
 
 
 def test_a_switched_input_does_not_overshoot() -> None:
-    """Assert that interpolation leaves a two-level input between its levels, however small."""
+    """Assert that interpolation keeps a two-level input within its levels, even tiny ones."""
     columns = jittered(0.08)
     columns["motor_torque"] = np.sign(columns["motor_torque"])
     assert np.abs(read_columns(columns).recordings[0].needed_input).max() <= 1.0
@@ -154,18 +154,18 @@ def test_a_switched_input_does_not_overshoot() -> None:
 
 
 def coarse(columns: dict[str, FloatArray]) -> dict[str, FloatArray]:
-    """The same in whole milliseconds."""
+    """Return the log with times in whole milliseconds."""
     return {**columns, "time": np.round(columns["time"], 3)}
 
 
 @pytest.mark.parametrize("rate", [300.0, 400.0, 450.0, 600.0, 900.0, 970.0, 995.0, 1500.0, 2000.0])
 def test_whole_milliseconds_are_even(rate: float) -> None:
-    """Assert that times that fit an even grid but for their last digit are taken for even."""
+    """Assert that times on an even grid, rounded to their last digit, count as even."""
     columns = coarse(joint_columns(sample_time=1.0 / rate))
     log = read_columns(columns)
     (recording,) = log.recordings
     assert recording.sample_time == pytest.approx(1.0 / rate, rel=1e-4)
-    # Interpolated to even times, positions would be 1e-3 rad off.
+    # Interpolation to even times would change positions by 1e-3 rad.
     np.testing.assert_array_equal(recording.link_position, columns["link_position"])
     (warning,) = log.warnings
     assert_words("rounded to 1 ms; they fit even steps.*write the time with more digits", warning)
@@ -208,5 +208,5 @@ SAID: dict[str, dict[str, FloatArray]] = {
 
 
 def test_what_is_said_of_channels(golden: Any) -> None:
-    """Assert what is read of a log, what is warned of, and that uneven times are refused."""
+    """Assert the channels that are read, the warnings, and that uneven times are refused."""
     golden({name: said(read_columns, columns) for name, columns in SAID.items()})

@@ -1,4 +1,4 @@
-"""The data that reading returns, with or without a link's encoder and an input."""
+"""Recordings, with or without a link's encoder and an input."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ ALONE = Recording(0.01, 2.0, None, np.sin(TIME), np.cos(TIME), "N m", source="ar
 
 
 def test_windows() -> None:
-    """Assert that a window keeps the clock and shares memory, and lies within."""
+    """Assert that a window keeps the clock, shares memory, and lies within the recording."""
     np.testing.assert_allclose(RECORDING.time, 5.0 + 0.1 * np.arange(10))
     np.testing.assert_array_equal(RECORDING.deflection, -np.arange(10.0))
     part = RECORDING.window(3, 7)
@@ -34,13 +34,13 @@ def test_windows() -> None:
 
 
 def test_a_log_fits_a_line() -> None:
-    """Assert that a recording and a log show what they hold, and not their samples."""
+    """Assert that `repr` of a recording and a log gives a summary in one line."""
     assert_words(r"10 samples every 0\.1 s.*input \(V\), motor_velocity>", repr(RECORDING))
     assert repr(Log((RECORDING, RECORDING), (), "a.csv", "")) == "<Log a.csv: 1 s, 1 s>"
 
 
 def test_motion_alone() -> None:
-    """Assert that of two positions alone the motor's motion is the input."""
+    """Assert that without an input the motor's motion drives the link."""
     (recording,) = read_columns(MOTION).recordings
     assert with_velocities(recording).window(10, 20).input is None
     samples = samples_of_recording(recording, "link")
@@ -59,14 +59,14 @@ def test_motion_alone() -> None:
 
 
 def test_no_deflection() -> None:
-    """Assert that whoever asks for the link is told what is missing, in which file."""
+    """Assert that a request for the missing link names the file and the remedy."""
     words = r"arm\.csv: link_position: .*log it, or identify the rigid joint"
     assert_words(words, refused(lambda: ALONE.deflection))
     assert_words(words, refused(samples_of_recording, ALONE))
 
 
 def test_samples_of_the_rigid_joint() -> None:
-    """Assert that it has the motor's position alone, and its velocity where that is derived."""
+    """Assert that samples of a rigid joint have the motor's position, and a derived velocity."""
     part = with_velocities(ALONE).window(100, 200)
     assert part.link_position is None
     assert part.link_velocity is None

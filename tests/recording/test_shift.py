@@ -1,4 +1,4 @@
-"""Channels moved by parts of a sample."""
+"""Channels delayed by fractions of a sample."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def motion(time):
 
 @pytest.mark.parametrize("samples", SHIFTS)
 def test_motion_is_shifted_by_just_so_much(samples):
-    """Assert that a motion of up to 10 Hz is shifted exactly, and no more spoilt than said."""
+    """Assert that a motion of up to 10 Hz is shifted exactly, within the stated margins."""
     first, last = spoilt(samples)
     shifted = later(motion(TIME), samples)[first : len(TIME) - last]
     expected = motion(TIME - SAMPLE_TIME * samples)[first : len(TIME) - last]
@@ -29,7 +29,7 @@ def test_motion_is_shifted_by_just_so_much(samples):
 
 @pytest.mark.parametrize("samples", SHIFTS)
 def test_white_noise_stays_white(samples):
-    """Assert that neighbouring samples of shifted noise stay independent, its size the same."""
+    """Assert that shifted white noise stays white, with the same variance."""
     noise = np.random.default_rng(1).standard_normal(100_000)
     shifted = later(noise, samples)[100:-100]
     correlation = [np.mean(shifted[lag:] * shifted[: len(shifted) - lag]) for lag in (0, 1, 2, 3)]
@@ -38,9 +38,9 @@ def test_white_noise_stays_white(samples):
 
 @pytest.mark.parametrize("samples", [0.5, -1.5, 0.0, 2.2])
 def test_it_depends_smoothly_on_the_shift(samples):
-    """Assert that its rate is its derivative, half-way between samples as anywhere, noise or not.
+    """Assert that the rate equals the derivative by the shift, also at half a sample.
 
-    A filter that changes there made fits stay at half a sample, with steps that did not end.
+    With a filter that switches there, fits stuck at half a sample and did not converge.
     """
     noisy = motion(TIME) + 0.1 * np.random.default_rng(2).standard_normal(len(TIME))
     step = 1e-4

@@ -1,4 +1,4 @@
-"""Files of signals: what is found in MATLAB, HDF5, MDF, MCAP and bags, and what is refused."""
+"""Files of signals in MATLAB, HDF5, MDF, MCAP and ROS bags: contents and refusals."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -27,7 +27,7 @@ Write = Callable[[Path], object]
 
 
 def with_units(path: Path) -> None:
-    """Attributes that are units."""
+    """Write an HDF5 file with units as attributes."""
     hdf5(path, {**COLUMNS, "time": 1e3 * TIME, "motor_position": np.degrees(MOTOR)})
     with h5py.File(path, "a") as file:
         file["motor_position"].attrs["units"] = "deg"
@@ -35,21 +35,21 @@ def with_units(path: Path) -> None:
 
 
 def table_and_matrices(path: Path) -> None:
-    """A table, and two matrices."""
+    """Write a table and two matrices."""
     table = np.zeros(100, dtype=[("t", "f8"), ("tau", "f4")])
     table["t"], table["tau"] = TIME, INPUT
     hdf5(path, {"table": table, "q": BOTH, "p": BOTH.T})
 
 
 def runs(*names: str) -> Write:
-    """The log in groups of an HDF5 file, with a picture beside it."""
+    """Return a function that writes the log in groups of an HDF5 file, with a picture."""
     arrays = {f"{group}/{name}": values for group in names for name, values in COLUMNS.items()}
     others = {"picture": np.zeros((200, 300), dtype=np.uint8), "note": "hello"}
     return lambda path: hdf5(path, {**arrays, **others})
 
 
 def links(path: Path) -> None:
-    """Values that stand in other files, however they are linked."""
+    """Write an HDF5 file with links of all kinds to other files."""
     runs("run")(path.with_name("other.h5"))
     path.with_name("secret").write_bytes(bytes(800))
     with h5py.File(path, "w") as file:
@@ -61,14 +61,14 @@ def links(path: Path) -> None:
 
 
 def much_of_nothing(path: Path) -> None:
-    """Arrays that claim to hold 8 TB each."""
+    """Write an HDF5 file whose arrays claim 8 TB each."""
     with h5py.File(path, "w") as file:
         for name in COLUMNS:
             file.create_dataset(name, (10**12,), "f8", chunks=(1000,))
 
 
 def edited(write: Write, change: Callable[[bytes], bytes]) -> Write:
-    """A file of other bytes."""
+    """Return a function that writes a file and changes its bytes."""
 
     def written(path: Path) -> None:
         write(path)
@@ -78,40 +78,40 @@ def edited(write: Write, change: Callable[[bytes], bytes]) -> Write:
 
 
 def of_type(kind: int) -> Write:
-    """An element of a type that is none, of which SciPy crashes."""
+    """Return a function that writes an element of an invalid type, which crashes SciPy."""
     double = (9).to_bytes(4, "little") + (800).to_bytes(4, "little")
     other = kind.to_bytes(4, "little") + double[4:]
     return edited(lambda p: savemat(p, {"run": COLUMNS}), lambda raw: raw.replace(double, other))
 
 
 def invalid(path: Path) -> None:
-    """A sample that the recorder marked."""
+    """Write a sample that is marked as invalid."""
     torque = signal("motor_torque", INPUT)
     torque.invalidation_bits = np.arange(100) == 57
     mdf(path, [*ENCODERS, torque])
 
 
 def changed(change: Callable[[bytes], bytes]) -> Write:
-    """An MDF file of other bytes."""
+    """Return a function that writes an MDF file and changes its bytes."""
     return edited(lambda p: mdf(p, ENCODERS), change)
 
 
 def out_of_order(by: int) -> Write:
-    """A message that others overtook."""
+    """Return a function that writes a message after later ones."""
     messages = measured()
     messages.insert(20 + 2 * by, messages.pop(20))
     return lambda path: mcap(path, messages)
 
 
 def without_a_number(path: Path) -> None:
-    """A message that lacks its value."""
+    """Write messages of which one lacks its value."""
     messages = measured()
     del messages[101][2]["data"]
     mcap(path, messages)
 
 
 def damaged(form: str, place: int, size: int) -> Write:
-    """A first record of 900 MB, by what the file says."""
+    """Return a function that writes a file whose first record claims 900 MB."""
     large = (900_000_000).to_bytes(size, "little")
     return edited(
         lambda path: log_file(path.parent, form).rename(path),
@@ -120,15 +120,15 @@ def damaged(form: str, place: int, size: int) -> Write:
 
 
 def half(form: str) -> Write:
-    """A file that is cut short."""
+    """Return a function that writes half of a file."""
     return edited(
         lambda path: log_file(path.parent, form).rename(path), lambda raw: raw[: len(raw) // 2]
     )
 
 
 def promising(count: int) -> Write:
-    """A page that promises 2^61 values in the place of 100, which ends Polars."""
-    value = (count << 1) ^ (count >> 63)  # as Thrift writes it
+    """Return a function that writes a page with a wrong count, which crashes Polars."""
+    value = (count << 1) ^ (count >> 63)  # encoding of Thrift
     other = bytes([value & 127 | 128, value >> 7 & 127])
     values = np.random.default_rng(1).normal(size=(3, 100))
     table = pl.DataFrame(dict(zip(("time", "motor_position", "tau"), values, strict=True)))
@@ -212,7 +212,7 @@ MAPS: dict[str, Mapping[str, object]] = {
 
 
 def test_signals_of_files(tmp_path: Path, golden: Any, monkeypatch: Any, capfd: Any) -> None:
-    """Assert what is found in files, in a sentence where that is no log, and no library speaks."""
+    """Assert the contents of files, or one sentence, without output of the libraries."""
     monkeypatch.chdir(tmp_path)
     found = {}
     for case, (name, write) in FILES.items():
@@ -225,14 +225,14 @@ def test_signals_of_files(tmp_path: Path, golden: Any, monkeypatch: Any, capfd: 
 
 
 def test_invalid_samples_of_a_part(tmp_path: Path) -> None:
-    """Assert that they are named where a file is read in parts."""
+    """Assert that invalid samples are named if a file is read in parts."""
     invalid(tmp_path / "log.mf4")
     tables = tables_of_file(tmp_path / "log.mf4", None, 25)
     assert "1 of its 25 samples, from 51 on, are marked" in refused(next, tables)
 
 
 def test_a_bomb_of_matlab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that what unpacks, or claims to, to more than a limit is refused."""
+    """Assert that contents that exceed a limit of memory, or claim to, are refused."""
     size = (100_000).to_bytes(4, "little") * 2
     claim = edited(
         lambda p: savemat(p, {"time": np.arange(100.0)}, format="4"),
@@ -247,7 +247,7 @@ def test_a_bomb_of_matlab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
 
 def test_names_that_are_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that a type's name which is no name is not handed to what makes code of it."""
+    """Assert that an invalid type name does not reach code that executes it."""
     trap = tmp_path / "executed"
     names = [f"a/msg/B: pass\nopen({str(trap)!r}, 'w')\nclass C", "__import__('os')", "a//b"]
     for name in names:
@@ -267,7 +267,7 @@ def test_names_that_are_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
 
 def test_a_bomb_of_mcap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that a chunk which unpacks to more memory than a limit is refused."""
+    """Assert that a chunk that exceeds a limit of memory when unpacked is refused."""
     monkeypatch.setattr(guard, "LIMITS", guard.LIMITS._replace(memory=150_000_000))
     messages = [("/drive", STAMPS[0], {"zeros": " " * 200_000_000})]
     for compression in ("ZSTD", "LZ4"):

@@ -1,4 +1,4 @@
-"""Logs of linear axes: known by their units, with a lead where the motor turns."""
+"""Logs of linear axes, recognised by units, with a lead if the motor is rotary."""
 
 from typing import Any
 
@@ -14,13 +14,13 @@ TIME = 0.002 * np.arange(2000.0)
 LINK = 0.1 * np.sin(3.0 * TIME)  # m
 MOTOR = LINK + 1e-4 * np.cos(7.0 * TIME)
 FORCE = 50.0 * np.cos(11.0 * TIME)  # N
-LEAD = 0.01  # m in a turn of the motor
+LEAD = 0.01  # m per turn of the motor
 TURNS = MOTOR / LEAD
 TORQUE = FORCE * LEAD / (2.0 * np.pi)  # N m
 
 
 def axis(link: str, motor: str, force: str, /, **changed: Any) -> dict[str, Any]:
-    """The log with channels by these names."""
+    """Return the log with these names of channels."""
     values = {"link": LINK, "motor": MOTOR, "force": FORCE, **changed}
     return {"time": TIME, link: values["link"], motor: values["motor"], force: values["force"]}
 
@@ -38,14 +38,14 @@ SLIDES: dict[str, tuple[dict[str, Any], dict[str, Any] | None]] = {
         {"lead": -LEAD, "motor_position": "m", "motor_torque": "t"},
     ),
     "a force": (axis(*IN_TURNS, motor=TURNS), {"lead": LEAD}),
-    # An absolute encoder in front of a screw begins again each turn.
+    # An absolute encoder before a screw restarts at each turn.
     "an absolute encoder": (axis(*IN_TURNS, motor=np.mod(TURNS, 1.0)), {"lead": LEAD}),
 }
 
 
 @pytest.mark.parametrize("name", SLIDES)
 def test_units_say_that_it_slides(name: str) -> None:
-    """Assert that all channels are in m and N, whichever of them has a unit."""
+    """Assert that all channels are in m and N if any of them has such a unit."""
     (recording,) = read_columns(*SLIDES[name]).recordings
     assert (recording.joint, recording.input_unit) == ("prismatic", "N")
     assert recording.link_position == pytest.approx(LINK, abs=1e-12)
@@ -54,7 +54,7 @@ def test_units_say_that_it_slides(name: str) -> None:
 
 
 def test_a_slide_that_jumps_by_metres_has_made_no_turn() -> None:
-    """Assert that 2π m are taken off no position, of a log with a lead nor of a stream."""
+    """Assert that 2π m are not subtracted as a turn, in a log with a lead or in a stream."""
     jumps = MOTOR + 2.0 * np.pi * (TIME > 2.0)
     found, period = without_wraps(TIME, jumps, LEAD, "prismatic")
     assert period == 0.0
@@ -80,7 +80,7 @@ SAID = {
 
 
 def in_units(**units: str) -> dict[str, Any]:
-    """A column map of channels whose columns have their names and some units."""
+    """Return a column map of columns with these names and units."""
     return {name: {"column": name, "unit": unit} for name, unit in units.items()}
 
 
@@ -103,7 +103,7 @@ MAPS = {
 
 
 def test_what_makes_no_sense(golden: Any) -> None:
-    """Assert that what is wrong with a slide is said in its units, and nothing of angles."""
+    """Assert that messages about a linear axis use its units, and none of angles."""
     columns = axis("link_position", "motor_position", "motor_torque")
     golden(
         {name: said(read_columns, one) for name, one in SAID.items()}

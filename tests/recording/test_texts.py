@@ -1,4 +1,4 @@
-"""Text as loggers, spreadsheets and NumPy write it, as a log and as a stream."""
+"""Text formats of loggers, spreadsheets and NumPy, as a log and as a stream."""
 
 from contextlib import closing
 from itertools import pairwise
@@ -30,7 +30,7 @@ def rows(change: joint_log.Change) -> joint_log.Change:
 
 
 def cells(change: joint_log.Change, separator: str = ",") -> joint_log.Change:
-    """Change each cell of each row, and what stands between them."""
+    """Change each cell of each row, and the separator."""
     return rows(lambda line: separator.join(map(change, line.split(","))))
 
 
@@ -40,17 +40,17 @@ def ending(cell: str, header: str = "") -> joint_log.Change:
 
 
 def german(text: str) -> str:
-    """Decimal commas, between semicolons."""
+    """Change to decimal commas and semicolons."""
     return text.replace(",", ";").replace(".", ",")
 
 
 def fortran(cell: str) -> str:
-    """A number as Fortran writes double precision."""
+    """Return a number in Fortran's format of double precision."""
     return f"{float(cell):.17E}".replace("E", "D")
 
 
 def grouped(mark: str, decimal: str = ".") -> joint_log.Change:
-    """Torques in mN m with marks between thousands, others with six decimals."""
+    """Change torques to mN m with thousands separators, and others to six decimals."""
 
     def changed(line: str) -> str:
         *others, torque = line.split(",")
@@ -61,13 +61,13 @@ def grouped(mark: str, decimal: str = ".") -> joint_log.Change:
 
 
 def scaled(line: str) -> str:
-    """A row whose time is in microseconds."""
+    """Return a row with its time in microseconds."""
     time, _, others = line.partition(",")
     return f"{1e6 * float(time):.0f},{others}"
 
 
 def whole(line: str) -> str:
-    """A row of whole numbers, with commas between thousands."""
+    """Return a row of whole numbers with thousands separators."""
     return ";".join(f"{round(1e4 * float(cell)):,}" for cell in line.split(","))
 
 
@@ -77,12 +77,12 @@ def below(line: str) -> joint_log.Change:
 
 
 def tabbed(text: str) -> str:
-    """Tabs for commas."""
+    """Change commas to tabs."""
     return text.replace(",", "\t")
 
 
 def degrees(_: str) -> str:
-    """The link position in degrees, as a ° says."""
+    """Return the log with the link position in °."""
     columns = {"time": COLUMNS["time"], "link_position [°]": np.degrees(COLUMNS["link_position"])}
     return joint_log.csv_text(columns | joint_log.without(COLUMNS, "time", "link"))
 
@@ -141,14 +141,14 @@ READ: dict[str, joint_log.Change] = {
 
 
 def streamed(path: Path) -> np.ndarray:
-    """Samples of the same as of a stream."""
+    """Return the samples of a file read as a stream."""
     with closing(TextSamples(str(path), stop_at_end=True)) as samples:
         return np.concatenate([part for part in samples if len(part)])
 
 
 @pytest.mark.parametrize("name", READ)
 def test_read(tmp_path: Path, name: str) -> None:
-    """Assert that log and stream hold the numbers that the text means."""
+    """Assert that log and stream have the values of the text."""
     path = joint_log.written(tmp_path, READ[name](TEXT), ENCODED.get(name, "utf-8"))
     log = read_log(path)
     joint_log.assert_equal_logs(log, joint_log.read_columns(COLUMNS), 1e-12)
@@ -173,19 +173,19 @@ REFUSED: dict[str, joint_log.Change] = {
 
 
 def test_refused_texts(tmp_path: Path, golden: Any, monkeypatch: Any) -> None:
-    """Assert that a log says where and why, and a stream of nothing else the same."""
+    """Assert that a log names place and reason, and a stream without any sample the same."""
     monkeypatch.chdir(tmp_path)
     found = {}
     for name, change in REFUSED.items():
         path = joint_log.written(Path(), change(TEXT))
         found[name] = joint_log.refused(read_log, path)
-        if name != "parentheses":  # few lines are no rows
+        if name != "parentheses":  # few lines have parentheses
             found[f"{name}, as a stream"] = joint_log.refused(streamed, path)
     golden(found)
 
 
 def test_a_file_that_was_not_closed(tmp_path: Path) -> None:
-    """Assert that null bytes or half a row at its end cost no sample, and are named."""
+    """Assert that null bytes or half a row at the end cost no sample, with a warning."""
     for end in ("\0" * 4096, "2.5,0.1"):
         path = joint_log.written(tmp_path, TEXT + end)
         (warning,) = read_log(path).warnings
@@ -195,7 +195,7 @@ def test_a_file_that_was_not_closed(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("cell", ["inf", "?", "1,5", "1_000"])
 def test_one_bad_cell(tmp_path: Path, cell: str) -> None:
-    """Assert that a log refuses it with its line, and a stream loses that sample alone."""
+    """Assert that a log refuses a bad cell by its line, and a stream drops that value alone."""
     lines = [line.replace(",", ";") for line in TEXT.splitlines()]
     lines[300] = ";".join([*lines[300].split(";")[:-1], cell])
     path = joint_log.written(tmp_path, "\n".join(lines) + "\n")
@@ -206,7 +206,7 @@ def test_one_bad_cell(tmp_path: Path, cell: str) -> None:
 
 
 def test_a_stream_that_begins_without_numbers_is_waited_for(tmp_path: Path) -> None:
-    """Assert that empty cells and numbers that are not finite are no reason to refuse it."""
+    """Assert that a stream is not refused for empty cells and numbers that are not finite."""
     lines = TEXT.splitlines()
     for k in range(1, 250):
         lines[k] = ",".join([*lines[k].split(",")[:-1], "" if k % 2 else "nan"])
@@ -217,7 +217,7 @@ def test_a_stream_that_begins_without_numbers_is_waited_for(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("parts", [1, 3, 200])
 def test_a_decimal_mark_is_that_of_the_first_lines(parts: int) -> None:
-    """Assert that it holds for all cells, however the stream is cut."""
+    """Assert that the decimal mark of the first lines holds for all, in parts of any size."""
     lines = ["time [ms];motor_position;motor_torque", *(f"{k};{k % 7};{k % 5}" for k in range(150))]
     lines += ["250;1,234;1", "251;0,5;1", "252;\N{MINUS SIGN}1,234;1", "253;x;1"]
     raw = ("\n".join(lines) + "\n").encode()
@@ -257,7 +257,7 @@ def test_a_decimal_mark_is_that_of_the_first_lines(parts: int) -> None:
     ],
 )
 def test_layout(text: str, names: tuple[str, ...], first: int) -> None:
-    """Assert that names, units and the first row are found."""
+    """Assert names, units and the first row."""
     layout = layout_of("log.csv", text.encode())
     assert layout.names == names
     assert layout.first_line == first
@@ -268,7 +268,7 @@ def test_layout(text: str, names: tuple[str, ...], first: int) -> None:
 @pytest.mark.parametrize("name", ["q_" * 50_000, "[" * 100_000, "-" * 100_000, " " * 100_000])
 @pytest.mark.parametrize("separator", [",", " "])
 def test_endless_names(name: str, separator: str, tmp_path: Path) -> None:
-    """Assert that a name of a tenth of a megabyte neither hides the others nor takes minutes."""
+    """Assert that a name of 100 kB neither hides other columns nor takes minutes."""
     lines = TEXT.splitlines()
     text = "\n".join([f"{lines[0]},{name}x", *(f"{line},0" for line in lines[1:])])
     log = read_log(joint_log.written(tmp_path, text.replace(",", separator)))

@@ -1,4 +1,4 @@
-"""Velocities and noise against closed forms."""
+"""Derived velocities and estimated noise, against closed forms."""
 
 from math import pi, sqrt
 
@@ -30,7 +30,7 @@ POSITION, DERIVATIVE = multisine(5000, 1e-3)
 
 
 def quantised(bits: int) -> FloatArray:
-    """The position by an encoder of so many bits."""
+    """Return the position by an encoder of this many bits."""
     step = 2 * pi / 2**bits
     return step * np.round(POSITION / step)
 
@@ -38,7 +38,7 @@ def quantised(bits: int) -> FloatArray:
 @pytest.mark.parametrize("sigma", [1e-5, 1e-4, 1e-3])
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_white_noise_is_estimated(sigma: float, seed: int) -> None:
-    """Assert that noise is found within 10 %, and a few outliers a thousand times it add little."""
+    """Assert that noise is found within 10 %, and 15 % with outliers of 1000 times its size."""
     noisy = POSITION + sigma * np.random.default_rng(seed).standard_normal(5000)
     assert position_noise(noisy) == pytest.approx(sigma, rel=0.1)
     noisy[[700, 2100, 4000]] += 1e3 * sigma
@@ -46,7 +46,7 @@ def test_white_noise_is_estimated(sigma: float, seed: int) -> None:
 
 
 def test_noise_of_an_encoder_is_that_of_its_step() -> None:
-    """Assert that it is LSB / sqrt(12) within 10 %, in motion and where it mostly rests."""
+    """Assert a noise of LSB / sqrt(12) within 10 %, in motion and mostly at rest."""
     assert position_noise(quantised(14)) == pytest.approx(2 * pi / 2**14 / sqrt(12), rel=0.1)
     resting = np.zeros(2000)
     resting[1500:] = 0.01 * np.round(np.linspace(0.0, 30.0, 500))
@@ -54,18 +54,18 @@ def test_noise_of_an_encoder_is_that_of_its_step() -> None:
 
 
 def test_a_short_motion_is_no_noise() -> None:
-    """Assert that no smooth stretch passes for noise, however short, and that noise does."""
+    """Assert that no smooth stretch counts as noise, however short, and that noise does."""
     noise = np.random.default_rng(1).standard_normal(300)
     for count in range(20, 300):
         assert not is_noise(POSITION[: 17 * count : 17])
         assert is_noise(noise[:count]) == (count >= 40)
-    assert is_noise(np.zeros(100))  # a sensor that does not even show noise
+    assert is_noise(np.zeros(100))  # a sensor without even noise
 
 
 @pytest.mark.parametrize("samples", [2.5, 3.0, 4.0, 5.0])
 @pytest.mark.parametrize("count", [60, 2000])
 def test_a_resonance_of_few_samples_a_period_is_no_noise(samples: float, count: int) -> None:
-    """Assert it of an oscillator that noise drives, whose mean over a block is nearly zero."""
+    """Assert that an oscillator driven by noise, with a mean near zero, does not count as noise."""
     pole = 0.95 * np.exp(2j * pi / samples)
     driven = np.random.default_rng(2).standard_normal(count + 200)
     swinging = np.asarray(lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], driven))[200:]
@@ -80,7 +80,7 @@ def test_a_resonance_of_few_samples_a_period_is_no_noise(samples: float, count: 
 def test_derivative_of_a_noisy_motion(
     count: int, sample_time: float, sigma: float, bound: float, seed: int
 ) -> None:
-    """Assert that the rms error of the velocity stays below a bound, of 3.4 rad/s rms."""
+    """Assert that the RMS error of the velocity stays below a bound; the RMS is 3.4 rad/s."""
     position, derivative = multisine(count, sample_time)
     noisy = position + sigma * np.random.default_rng(seed).standard_normal(count)
     assert rms(velocity(noisy, sample_time) - derivative) < bound
@@ -88,7 +88,7 @@ def test_derivative_of_a_noisy_motion(
 
 @pytest.mark.parametrize(("bits", "bound"), [(12, 4e-3), (14, 1.5e-3), (20, 5e-5), (52, 1e-9)])
 def test_derivative_of_an_encoder(bits: int, bound: float) -> None:
-    """Assert that the error from an encoder's steps stays below a bound: without them, of order."""
+    """Assert that the error due to an encoder's steps stays below a bound."""
     assert rms(velocity(quantised(bits), 1e-3) - DERIVATIVE) < bound
 
 
@@ -110,7 +110,7 @@ def test_measured_velocities_are_kept() -> None:
 
 @pytest.mark.parametrize("half", [3, 20, 100])
 def test_differentiates_as_savitzky_and_golay(half: int) -> None:
-    """Assert that with a given window the derivative is that of SciPy's filter, ends included."""
+    """Assert that with a given window the derivative equals SciPy's filter, ends included."""
     position = np.random.default_rng(half).standard_normal(400).cumsum()
     window, degree = 2 * half + 1, velocities.DEGREE
     expected = np.asarray(savgol_filter(position, window, degree, deriv=1, delta=0.01))
@@ -127,7 +127,7 @@ REST = np.zeros(3000)
         ([POSITION], 0, 5000),
         ([np.concatenate((REST + POSITION[0], POSITION))], 2500, 8000),
         ([np.concatenate((POSITION, REST + POSITION[-1]))], 0, 5500),
-        ([np.concatenate((REST[:300] + POSITION[0], POSITION))], 0, 5300),  # too little to matter
+        ([np.concatenate((REST[:300] + POSITION[0], POSITION))], 0, 5300),  # too short to matter
         ([np.concatenate((REST + POSITION[0], POSITION)), np.zeros(8000)], 2500, 8000),
         ([REST, REST], 0, 3000),
     ],
@@ -135,7 +135,7 @@ REST = np.zeros(3000)
 def test_rest_before_and_after_a_motion(
     positions: list[FloatArray], first: int, last: int, sigma: float
 ) -> None:
-    """Assert that a tenth of the motion is kept of it, be there noise or none."""
+    """Assert that rest beyond a tenth of the motion is left out, with or without noise."""
     rng = np.random.default_rng(3)
     found = while_moving([each + sigma * rng.standard_normal(len(each)) for each in positions])
     assert abs(found.start - first) <= 20
@@ -143,7 +143,7 @@ def test_rest_before_and_after_a_motion(
 
 
 def test_a_faint_motion_is_taken_whole() -> None:
-    """Assert that a motion that begins slowly beside its noise loses nothing of its start."""
+    """Assert that the slow start of a motion in noise is kept."""
     slow = POSITION * np.linspace(0.0, 1.0, 5000) ** 3
     noise = np.random.default_rng(3).standard_normal(5000)
     assert while_moving([slow + 1e-3 * noise]).start > 100
@@ -151,7 +151,7 @@ def test_a_faint_motion_is_taken_whole() -> None:
 
 
 def test_an_integral_is_of_second_order() -> None:
-    """Assert that a finer clock of uneven steps takes the square of its ratio off the error."""
+    """Assert second-order convergence with uneven steps."""
     errors = []
     for count in (200, 400, 800):
         even = np.linspace(0.0, 6.0, count + 1)
