@@ -144,7 +144,7 @@ async def test_a_bad_address_is_said_beside_the_log(studio: Opened, short_log: P
     studio.window.offer = Offer(short_log, *[studio.workers] * 3)
     await studio.room.open({"model": "nonsense"})
     await studio.idle()
-    assert "is none of auto" in studio.shown("log-problem")
+    assert "is not one of auto" in studio.shown("log-problem")
 
 
 async def test_other_columns_do_not_change_what_was_found(studio: Opened):

@@ -93,7 +93,7 @@ def decoder(topic: Topic) -> tuple[Callable[[bytes], Any] | None, str]:
     except Exception:  # rosbags raises various errors for a bad definition
         return None, "messages of a type whose definition cannot be read"
     if kind not in store.types:
-        return None, f"messages of type {topic.kind[:80]!r}, of which the file has no definition"
+        return None, f"messages of type {topic.kind[:80]!r}, without a definition in the file"
     decode = store.deserialize_ros1 if topic.encoding == "ros1" else store.deserialize_cdr
     return lambda raw: decode(raw, kind), ""
 
@@ -110,7 +110,7 @@ def _store(topic: Topic, kind: str) -> Any:
         types = get_types_from_msg(topic.definition, kind)
     # rosbags generates Python code with the names of the types, so these must be harmless.
     if not all(map(_TYPE_NAME.fullmatch, types)):
-        raise ValueError("a type's name is no name")
+        raise ValueError("a type has an invalid name")
     store = get_typestore(Stores.EMPTY)
     store.register(types)
     return store
@@ -239,7 +239,7 @@ def _values(message: Any, topic: str, number: int, signals: dict[str, _Signal]) 
             values[path] = value
         elif not signal.joint or signal.joint in (_fields(message).get("name") or ()):
             raise RefusedError(
-                f"message {number} of {topic!r}", f"it has no {path!r}: log it always"
+                f"message {number} of {topic!r}", f"{path!r} is missing: log it in each message"
             )
     return values
 

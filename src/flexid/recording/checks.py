@@ -127,7 +127,7 @@ def check_whole(log: Draft, name: str) -> None:
         log.warn(
             name,
             f"{name} holds whole numbers only, up to {largest:.6g}, which are read as "
-            f"{channel.unit}: if a drive or an encoder counts so, write the unit, as [mA] or "
+            f"{channel.unit}: if they are raw or in another unit, write the unit, as [mA] or "
             f"[mN m], or its scale in a column map",
             Rank.SCALE,
         )
@@ -220,7 +220,7 @@ def check_two_encoders(log: Draft) -> None:
     factor = float(motor.std() / link.std())
     larger, smaller = ("motor", "link") if factor > 1.0 else ("link", "motor")
     misread, units, _ = _MISREAD[log.channels["motor_position"].unit]
-    remedy = "write the drive's gear_ratio (1 if the link is held and there is none)"
+    remedy = "write the drive's gear_ratio (1 if there is none and the link is held)"
     if log.joint == "prismatic":
         remedy = "write the unit of each, and the lead of a motor that turns,"
     is_stated = log.channels["motor_position"].origin.ratio is not None

@@ -123,9 +123,9 @@ class _Plan:
         # An unnamed column numbers the rows, or follows from a trailing separator.
         unused = [n for n in self.table.names if n not in taken and not _UNNAMED.match(n)]
         if unused and not (self.is_mapped or self.table.kinds):
-            are = "is" if len(unused) == 1 else "are"
+            are, it = ("is", "it") if len(unused) == 1 else ("are", "them")
             what = f"{quoted(unused)} {are} not used"
-            self.warnings.append(f"{what}: a column map may name what is needed")
+            self.warnings.append(f"{what}: if needed, assign {it} in a column map")
 
     def _refusal(self, reason: str) -> RecordingError:
         return RecordingError(self.table.file, self.table.header, reason)
@@ -159,7 +159,7 @@ class _Plan:
             if len(columns) > 1:
                 raise self._refusal(
                     f"{quoted(column.header for column in columns)} could each be {name}: "
-                    f"rename the one that is, or say in a column map which it is"
+                    f"rename the one that is, or assign it in a column map"
                 )
             if columns:
                 added[name] = columns[0]
@@ -266,7 +266,7 @@ class _Plan:
                 f"name its column in {what}{likely}"
             )
             return
-        remedy = f"rename the columns or say in {what} which is which{likely}"
+        remedy = f"rename the columns or assign them in {what}{likely}"
         if missing == ["time"]:
             remedy += "; for rows without a time, write sample_time = 0.001 for 1 ms there"
         raise self._refusal(f"there is no {lacks}; {found}: {remedy}")

@@ -62,8 +62,8 @@ def _warn_of_sign(log: Draft, name: str, why: str) -> Iterator[str]:
     log.warn(
         names if len(names) > 1 else name,
         f"{' and '.join(names)} {'were' if len(names) > 1 else 'was'} taken with the other sign, "
-        f"since {why}: check the sign, and change that of the scale in a column map (write "
-        f"scale = -1 where there is none)",
+        f"since {why}: check it, and reverse the sign of its scale in a column map (write "
+        f"scale = -1 if it has none)",
         Rank.SCALE,
     )
     yield from names

@@ -95,7 +95,7 @@ def _array(name: str, values: Any) -> Any:
     except ValueError:  # nested lists of different lengths
         found = np.empty((0, 0))
     if found.ndim != 1:
-        reason = f"it has {found.ndim} dimensions: give an array of one, a value for each sample"
+        reason = f"it has {found.ndim} dimensions: give one dimension, with a value for each sample"
         raise RecordingError(ARRAYS, f"column {name!r}", reason)
     return found.tolist() if found.dtype == object else found
 

@@ -314,6 +314,6 @@ def _with_unit(line: _Line, name: str, unit: str) -> str:
     if own is None:
         return f"{name} [{unit}]"
     if own != unit:
-        reason = f"the unit below the name is [{unit}]: let the two agree, or remove one"
+        reason = f"the unit below the name is [{unit}]: make the two agree, or remove one"
         raise RecordingError(line.file, f"line {line.number}, column {name!r}", reason)
     return f"{bare} [{unit}]"

@@ -316,7 +316,7 @@ def mend(logs: Sequence[Draft]) -> None:
         first.warn(
             "",
             f"{missing.sum()} samples are missing in {len(places)} places (after "
-            f"{first.at(places)}), up to three in each, so they were put back by interpolation: "
+            f"{first.at(places)}), up to three in each, so they were interpolated: "
             f"record without gaps",
             Rank.DATA,
         )
@@ -326,9 +326,9 @@ def mend(logs: Sequence[Draft]) -> None:
         places, missing = np.flatnonzero(lost), lost
         first.warn(
             [name for log, name in sensors if log is first],
-            f"in {len(places)} places all positions advance by whole steps more than around them "
-            f"(at {first.at(places)}): {lost.sum()} samples were lost and the time counted from "
-            f"the rest, so they were put back by interpolation: log the time of each sample",
+            f"in {len(places)} places all positions advance by additional whole steps "
+            f"(at {first.at(places)}): {lost.sum()} samples were lost and the time was counted "
+            f"without them, so they were interpolated: log the time of each sample",
             Rank.DATA,
         )
         time = all_times(time, lost, is_span=counted is not None)

@@ -106,7 +106,7 @@ def integrate_velocities(log: Draft) -> None:
         log.warn(
             position,
             f"there is no {position}, so {name} was integrated from {began} on: it is off by a "
-            f"constant, and drifts if it has a bias: subtract that by an offset in a column map",
+            f"constant, and a bias makes it drift: subtract the bias by an offset in a column map",
         )
         del log.channels[name]
 

@@ -34,24 +34,24 @@ MapSource: TypeAlias = Path | Mapping[str, object]
 
 ARGUMENT = "columns"  # name in messages of a map that was given as an argument
 REMEDY = (
-    "write a column name, a table of column or sum, scale, offset, unit and side, or false for a "
-    "channel that is not to be read"
+    "write a column name, a table of column or sum, scale, offset, unit and side, or false to "
+    "leave a channel out"
 )
 _RATIO = re.compile(r"\s*([+-]?\d+(?:\.\d+)?)\s*[/:]\s*(\d+(?:\.\d+)?)\s*")
 NO_GEAR = "it is for a joint that turns: write the lead, in m per turn of the motor, in its place"
 _NUMBERS = {  # settings of the joint: least and greatest value, and the message for any other
     "gear_ratio": (
         *(1.0, 1e6),
-        'not a ratio: write how often the motor turns in one turn of the link, as 101 or "1/101"',
+        'not a ratio: write the turns of the motor per turn of the link, as 101 or "1/101"',
     ),
     "lead": (
         *(1e-6, 100.0),
-        "no lead: write how many m the link moves in a turn of the motor, as 0.005 for a screw of "
-        "5 mm",
+        "not a lead: write the travel of the link in m per turn of the motor, as 0.005 for a screw "
+        "of 5 mm",
     ),
     "sample_time": (
         *(SHORTEST_SAMPLE_TIME, LONGEST_SAMPLE_TIME),
-        f"no sample time from {SHORTEST_SAMPLE_TIME:g} to {LONGEST_SAMPLE_TIME:g} s: write the "
+        f"not a sample time from {SHORTEST_SAMPLE_TIME:g} to {LONGEST_SAMPLE_TIME:g} s: write the "
         f'seconds between two rows, as 0.001 or "1/1000"',
     ),
 }
@@ -346,7 +346,7 @@ def _in_si(name: str, recipe: Recipe, unit: str | None) -> tuple[float, str, flo
         factor, si_unit = 1.0, units[0]
         if ratio is not None and recipe.joint == "prismatic":
             reason = (
-                f"it has no unit, and the lead acts on what turns alone: write the unit, "
+                f"it has no unit, and the lead applies only to a motor that turns: write the unit, "
                 f"{SI_UNITS[name][0]} or {si_unit}"
             )
             raise RecordingError(recipe.file, recipe.place, reason)

@@ -31,8 +31,8 @@ _ROUNDING = 1e-9  # of a position's range
 EVEN = 1e-3  # of a sample time: deviation by rounding of printed times
 MOST_JITTER = 0.1  # of a sample time, up to which steps show gaps and lost samples
 _OF_STAMPS = (
-    "; where a clock was set back, as to winter time, log UTC; times of day are taken to be less "
-    "than 12 h apart, so write the date too; and write all zeros behind the point"
+    "; if a clock was set back, as to winter time, log UTC; times of day must be less than 12 h "
+    "apart, so write the date too; and write all zeros after the point"
 )
 ROUNDED = 1.05  # range of the rounding error in last digits: 1, and the error of the fitted line
 _UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # in s
@@ -105,8 +105,8 @@ def keep_common(logs: Sequence[Draft]) -> None:
     if len(common) < FEWEST_SAMPLES <= min(len(log.time) for log in logs):
         raise logs[0].refusal(
             "",
-            f"the joints have {len(common)} samples at the same time, where {FEWEST_SAMPLES} are "
-            f"the fewest that are read: log all joints in every sample, on one clock",
+            f"the joints have {len(common)} samples at the same time, but at "
+            f"least {FEWEST_SAMPLES} are needed: log all joints in every sample, on one clock",
         )
     for log in logs:
         if len(log.time) > len(common):
@@ -136,8 +136,8 @@ def even_grid(logs: Sequence[Draft]) -> Grid:
         found = "is 1 sample" if len(time) == 1 else f"are {len(time)} samples"
         raise log.refusal(
             "",
-            f"there {found} where {FEWEST_SAMPLES} are the fewest that are read, and "
-            f"{FEWEST_TO_IDENTIFY} the fewest that can be identified: record for longer",
+            f"there {found}, but at least {FEWEST_SAMPLES} are needed to read a log, and "
+            f"{FEWEST_TO_IDENTIFY} to identify it: record for longer",
         )
     steps = np.diff(time)
     typical = float(np.median(steps))
@@ -145,8 +145,8 @@ def even_grid(logs: Sequence[Draft]) -> Grid:
     if typical > _SLOW and not log.channels["time"].unit_stated:
         log.warn(
             "time",
-            f"it is read as seconds, which makes steps of {typical:.3g} s, more than most drives "
-            f"are logged at: if it is in another unit, write that, as in [ms]",
+            f"it is read as seconds, so the steps are {typical:.3g} s, longer than usual for a "
+            f"drive: if it is in another unit, write that unit, as in [ms]",
             Rank.SCALE,
         )
     is_gap = are_gaps(time)

@@ -120,7 +120,7 @@ def _samples(
             if len(kept) > done + 1:
                 fault = _OPEN_QUOTE
             elif len(row) != width:
-                names = f"let the names in line {layout.header_line} be as many"
+                names = f"write as many names in line {layout.header_line}"
                 fault = (
                     f"the row has {len(row)} cells where the header has {width}: "
                     f"{'complete or remove it' if done else names}; numbers with decimal commas "

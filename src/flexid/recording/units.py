@@ -114,7 +114,7 @@ def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
     if si_unit in _SLIDING and {*si_units} & {*_TURNING}:
         raise UnitError(
             f"the unit [{text}] is one of linear motion, but this joint turns: write one of an "
-            f"angle or a torque, or joint = 'prismatic' in a column map; of an arm, slides in its "
+            f"angle or a torque, or joint = 'prismatic' in a column map; for an arm, slides in its "
             f"file"
         )
     raise UnitError(
