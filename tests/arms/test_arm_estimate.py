@@ -1,4 +1,4 @@
-"""What other commands make of an arm's estimate: free runs, differences, a scene for MuJoCo."""
+"""Stored estimates of arms in other commands: free runs, differences, a scene for MuJoCo."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Run = Callable[..., Any]
 
 
 def estimate(values: Mapping[str, float], arm: PlanarArm = ARM) -> ArmIdentification:
-    """Return the estimate of an arm with some values, each known to a thousandth."""
+    """Return the estimate of an arm with these values, each with a standard error of 0.1 %."""
     fixed = {f"torque_constant_{joint}": 1.0 for joint in range(1, arm.joints + 1)}
     sought = tuple(name for name in planar_arm(arm).coefficients if name not in fixed)
     found = np.array([values.get(name, 0.0) for name in sought])
@@ -66,13 +66,13 @@ def estimate(values: Mapping[str, float], arm: PlanarArm = ARM) -> ArmIdentifica
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with the true estimate of an arm, a wrong one, and a log in MuJoCo."""
+    """Return a folder with the true estimate of an arm, a wrong one, and a log from MuJoCo."""
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     found = tmp_path_factory.mktemp("arm")
     motion = Motion(duration=4.0, sample_time=2e-3, bits=17)
     log = simulate(MADE, motion, np.random.default_rng(7))
     save(log, found / "run.csv")
-    late = [log.link[2:, 0], log.link[:-2, 1]]  # of which the second is two samples late
+    late = [log.link[2:, 0], log.link[:-2, 1]]  # the second link's encoder is two samples late
     timely = {name: getattr(log, name)[2:] for name in ("time", "motor", "torque")}
     save(Log(link=np.column_stack(late), types=log.types, **timely), found / "late.csv")
     truth = MADE.truth()
@@ -84,7 +84,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_stored_estimate_is_read_as_it_was(folder: Path):
-    """Assert that names, values and covariance survive the file, and cannot be changed there."""
+    """Assert that names, values and covariance are read unchanged, and that edits are detected."""
     read = read_estimate(folder / "true.json").result
     made = estimate(MADE.truth())
     assert isinstance(read, ArmIdentification)
@@ -97,7 +97,7 @@ def test_a_stored_estimate_is_read_as_it_was(folder: Path):
 
 
 def test_a_late_encoder_is_predicted_late(folder: Path):
-    """Assert that an estimate predicts a log whose encoder is as late as it says, and no other."""
+    """Assert that an estimate with the encoder's delay predicts a delayed log better."""
     made = estimate(MADE.truth())
     fits = []
     for delays in ({}, {"link_2": 4e-3}):
@@ -109,7 +109,7 @@ def test_a_late_encoder_is_predicted_late(folder: Path):
 def test_the_true_arm_predicts_a_log_and_a_softer_one_does_not(
     folder: Path, flexid: Run, tmp_path: Path
 ):
-    """Assert that validate scores each joint, and ends as --min-fit says."""
+    """Assert that `validate` scores each joint, and that its exit status follows --min-fit."""
     log, out = str(folder / "run.csv"), tmp_path / "out"
     options = ("--min-fit", "95", "--out", str(out))
     done = flexid("validate", str(folder / "true.json"), log, *options)
@@ -128,7 +128,7 @@ def test_the_true_arm_predicts_a_log_and_a_softer_one_does_not(
 
 
 def test_two_arms_are_compared(folder: Path, flexid: Run):
-    """Assert that the softer spring has changed, and nothing else."""
+    """Assert that the softer spring counts as changed, and nothing else."""
     done = flexid("compare", str(folder / "true.json"), str(folder / "softer.json"), "--json")
     assert done.status == 1
     found = json.loads(done.stdout)
@@ -143,7 +143,7 @@ def test_two_arms_are_compared(folder: Path, flexid: Run):
         ("export true.json --to c99 --sample-time 0.001 --out out", "export it to mjcf"),
         ("export true.json --to mjcf --sample-time 0.001 --out out", "leave it out with mjcf"),
         ("watch run.csv --estimate true.json", "the estimate of an arm"),
-        ("validate true.json current.csv", "is in A, A"),  # which do not go with newton metres
+        ("validate true.json current.csv", "is in A, A"),  # not compatible with newton metres
         *(
             (f"identify run.csv --model arm.toml {option}", f"{option[2:].split()[0]}: .*arm")
             for option in ("--terms gravity", "--stream", "--known motor_inertia=1")
@@ -155,7 +155,7 @@ def test_two_arms_are_compared(folder: Path, flexid: Run):
 def test_what_takes_no_arm_says_so(
     folder: Path, flexid: Run, monkeypatch: pytest.MonkeyPatch, arguments: str, said: str
 ):
-    """Assert that commands refuse an arm, its log or what is for one joint, in a sentence."""
+    """Assert that commands refuse an arm, its log or options of a single joint in one sentence."""
     monkeypatch.chdir(folder)
     text = Path("run.csv").read_text().replace("torque", "current").replace("[N m]", "[A]")
     Path("current.csv").write_text(text)
@@ -168,7 +168,7 @@ def test_what_takes_no_arm_says_so(
 def accelerations_of_scene(
     model: Any, joints: Sequence[Any], x: FloatArray, inputs: FloatArray
 ) -> list[float]:
-    """MuJoCo's forward dynamics at positions and velocities of some joints in turn."""
+    """Return MuJoCo's forward dynamics at positions and velocities of the joints in order."""
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
     data = mujoco.MjData(model)
     for place, joint in enumerate(joints):
@@ -180,7 +180,7 @@ def accelerations_of_scene(
 
 
 def test_a_scene_accelerates_as_the_textbook_says():
-    """Assert that MuJoCo's forward dynamics are those of two links, friction and coupling too."""
+    """Assert that MuJoCo's forward dynamics equal the textbook's, with friction and coupling."""
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
     scene = arm_scene(estimate(TRUTH))
     assert scene.notes == ()
@@ -190,17 +190,17 @@ def test_a_scene_accelerates_as_the_textbook_says():
     for _ in range(20):
         x, torque = rng.standard_normal(8), rng.standard_normal(2)
         x[::2] *= 0.2
-        x[1::2] += np.sign(x[1::2])  # fast, as MuJoCo's friction is dry within some steps only
+        x[1::2] += np.sign(x[1::2])  # fast, as MuJoCo's friction is smooth near rest
         found = accelerations_of_scene(model, joints, x, torque)
         wanted = accelerations(TwoLinks(torque), 0.0, x, np.sign(x[1::2]))
         assert found == pytest.approx(wanted, rel=1e-6, abs=1e-6)
 
 
-# Seeds of joints that turn, slide and turn; slide, turn and slide; turn, turn and slide: the rotors
-# of those that turn are carried.
+# Seeds of joints that turn, slide and turn; slide, turn and slide; turn, turn and slide. Rotors of
+# turning joints move with the links.
 @pytest.mark.parametrize("seed", [34, 53, 3])
 def test_a_scene_with_slides_accelerates_as_its_balance_says(seed: int):
-    """Assert that MuJoCo's forward dynamics are those of the balance with the same parameters."""
+    """Assert that MuJoCo's forward dynamics equal the balance's, with the same parameters."""
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
     made = random_arm(np.random.default_rng(seed), 3, slides=True)
     truth = {name: 0.0 if "coulomb" in name else x for name, x in made.truth().items()}
@@ -219,7 +219,7 @@ def test_a_scene_with_slides_accelerates_as_its_balance_says(seed: int):
 
 
 def test_offsets_and_gains_of_a_scene():
-    """Assert that a spring rests, and a motor is driven, where the balance says."""
+    """Assert that springs and motors are in equilibrium as in the balance."""
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
     offsets = {"joint_offset_1": 3.0, "motor_offset_2": 0.4}
     scene = arm_scene(replace(estimate(TRUTH | offsets), input_delay=0.0))
@@ -227,7 +227,7 @@ def test_offsets_and_gains_of_a_scene():
     data = mujoco.MjData(model)
     data.ctrl[:] = 3.0, 0.4
     mujoco.mj_forward(model, data)
-    # At rest the torque of motor 1 balances its spring, and that of motor 2 its offset.
+    # At rest the torque of motor 1 balances its spring, and the torque of motor 2 its offset.
     for name in ("motor_1", "motor_2"):
         assert data.qfrc_smooth[model.joint(name).dofadr[0]] == pytest.approx(0.0, abs=1e-9)
     link = data.qfrc_smooth[model.joint("link_1").dofadr[0]]
@@ -239,14 +239,14 @@ BODIES = {"joint_stiffness_1": -1.0, "motor_inertia_2": 0.0, "link_inertia_1": 0
 
 
 def test_what_is_no_scene_of_an_arm(refusals: Run):
-    """Assert that a parameter that no body has is named, or what a joint that rested hides."""
+    """Assert that unphysical parameters are refused, and parameters hidden by a resting joint."""
     calls = {f"{n} = {v}": partial(arm_scene, estimate(TRUTH | {n: v})) for n, v in BODIES.items()}
     found, unknown = estimate(TRUTH), {"value": np.nan, "verdict": "undetermined"}
     held = {"motor_inertia_2": 1e3, "motor_coulomb_friction_2": 1e9}
     rested = replace(found, fixed={**found.fixed, **held})
     for name in held:
         rested = with_parameter(rested, name, **unknown)
-    slides = PlanarArm((0.0, 0.3), slides=(0.0, None))  # and 1 kg at least turn on the first one
+    slides = PlanarArm((0.0, 0.3), slides=(0.0, None))  # at least 1 kg turns on the first joint
     light = dict.fromkeys(planar_arm(slides).coefficients, 1.0) | {"link_mass_1": 0.1}
     calls["a carriage that is too light"] = partial(arm_scene, estimate(light, slides))
     refusals(calls | {"a joint that rested": partial(arm_scene, rested)})

@@ -1,4 +1,4 @@
-"""Logs and files of arms that cannot be used: refused in one sentence, with the remedy."""
+"""Unusable logs and files of arms: refused in one sentence, with the remedy."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NAMES = ("motor_position_{} [deg]", "link_position_{} [deg]", "motor_torque_{} [
 
 
 def log_of(path: Path, leave_out: str = "", joints: int = 2, bad: str = "", lost: int = 0) -> Path:
-    """Write a log of some seconds of made-up motion, each joint's rows without some of its own."""
+    """Write a log of simulated motion in which each joint can lack rows of its own."""
     rng = np.random.default_rng(5)
     t = 0.002 * np.arange(1500)
     columns = {"time [s]": t}
@@ -48,7 +48,7 @@ def log_of(path: Path, leave_out: str = "", joints: int = 2, bad: str = "", lost
     [("qm{}_deg", "ql{}_deg", "tau{}"), ("theta_m{} [deg]", "q{} [deg]", "J{} torque [Nm]")],
 )
 def test_usual_names_with_numbers(tmp_path: Path, names: tuple[str, ...]):
-    """Assert that other logs' names mean the same, with the unit that stands in them."""
+    """Assert that usual names with numbers are recognised, with their units."""
     path = log_of(tmp_path / "run.csv")
     plain = read_arm_log(path, TWO).recordings[0]
     header, _, rows = path.read_text().partition("\n")
@@ -62,7 +62,7 @@ def test_usual_names_with_numbers(tmp_path: Path, names: tuple[str, ...]):
 
 
 def test_a_column_map_with_numbers(tmp_path: Path):
-    """Assert that a map's numbered keys rename, scale and take a deflection for the link."""
+    """Assert that a map's numbered keys rename, scale, and replace the link by a deflection."""
     path = log_of(tmp_path / "run.csv")
     columns = tmp_path / "map.toml"
     columns.write_text(
@@ -110,19 +110,19 @@ ARMS = {
 
 
 def written(name: str, text: str) -> Path:
-    """A file with a text."""
+    """Write a text to a file and return its path."""
     Path(name).write_text(text)
     return Path(name)
 
 
 def scaled(scales: Mapping[str, float]) -> Path:
-    """A column map that scales some positions."""
+    """Return a column map that scales some positions."""
     form = '{0} = {{column = "{0}", scale = {1}, unit = "deg"}}\n'
     return written("map.toml", "".join(form.format(*item) for item in scales.items()))
 
 
 def without_common_samples(path: Path) -> Path:
-    """The log in which each joint lacks the other's samples."""
+    """Return the log with every row lacking one joint's sample."""
     header, *rows = path.read_text().splitlines()
     for place, row in enumerate(rows):
         cells = row.split(",")
@@ -132,13 +132,13 @@ def without_common_samples(path: Path) -> Path:
 
 
 def read_sliding(path: Path, letters: str, keys: str) -> object:
-    """Read the log of turning joints as one of others."""
+    """Read the log of turning joints with other types of joints."""
     types: list[JointType] = [TYPES[letter] for letter in letters]
     return read_arm_log(log_of(path), types, written("m.toml", keys))
 
 
 def test_what_cannot_be_used(tmp_path: Path, refusals: Any, monkeypatch: pytest.MonkeyPatch):
-    """Assert that logs, column maps and files of arms are refused in a line, with the remedy."""
+    """Assert that unusable logs, maps and files of arms are refused in one line with a remedy."""
     monkeypatch.chdir(tmp_path)
     log = Path("run.csv")
     calls: dict[str, Callable[[], object]] = {
@@ -162,21 +162,21 @@ def test_what_cannot_be_used(tmp_path: Path, refusals: Any, monkeypatch: pytest.
 
 
 def test_a_joint_may_rest_while_another_one_moves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that one braked joint is read as resting."""
+    """Assert that one braked joint is reported as resting."""
     monkeypatch.chdir(tmp_path)
     path = log_of(Path("run.csv"))
     assert [read_arm_log(path, TWO, scaled(one)).resting for one in ({}, BRAKED)] == [(), (2,)]
 
 
 def test_a_gap_of_one_joint_divides_the_recordings_of_all(tmp_path: Path):
-    """Assert that all joints are cut where a cell of one of them holds no number."""
+    """Assert that a missing value of one joint divides the recordings of all joints."""
     log = read_arm_log(log_of(tmp_path / "run.csv", bad="nan"), TWO)
     assert [len(recording) for recording in log.recordings] == [700, 799]
     assert log.recordings[1].start_time == pytest.approx(701 * 0.002)
 
 
 def test_samples_that_a_fast_joint_shows_to_be_lost_are_put_back_in_all(tmp_path: Path):
-    """Assert that a joint that hardly moves has as many samples as one that shows the loss."""
+    """Assert that samples found lost in a fast joint are restored in a slow one too."""
     rng = np.random.default_rng(7)
     t = 0.002 * np.arange(3000)
     fast, slow = np.sin(6.0 * t), 0.01 * np.sin(0.5 * t)
@@ -195,7 +195,7 @@ def test_samples_that_a_fast_joint_shows_to_be_lost_are_put_back_in_all(tmp_path
 
 
 def test_late_stamps_are_judged_by_all_joints(tmp_path: Path):
-    """Assert that samples stay as they are of a joint, too, whose noise hides its clock."""
+    """Assert that delayed stamps of a noisy joint are judged by another joint's smoothness."""
     names = [name.format(joint) for joint in (1, 2) for name in NAMES]
     t = 0.002 * np.arange(1500)
     rng = np.random.default_rng(4)
@@ -217,7 +217,7 @@ def test_late_stamps_are_judged_by_all_joints(tmp_path: Path):
 
 
 def test_a_joint_that_slides(tmp_path: Path):
-    """Assert that its positions are in m and its input in N, directly or behind a screw."""
+    """Assert that a linear axis has positions in m and its input in N, directly or by a screw."""
     path = log_of(tmp_path / "run.csv")
     turned = read_arm_log(path, TWO).recordings[0]
     header, _, rows = path.read_text().partition("\n")
@@ -234,13 +234,13 @@ def test_a_joint_that_slides(tmp_path: Path):
     turning = slide.replace("motor_position_2 [mm]", "motor_position_2 [deg]")
     path.write_text(f"{turning}\n{rows}")
     screw = tmp_path / "map.toml"
-    screw.write_text("lead_2 = 0.36\n")  # m in a turn
+    screw.write_text("lead_2 = 0.36\n")  # m per turn
     behind = read_arm_log(path, types, screw).recordings[0]
     np.testing.assert_allclose(behind.positions, found.positions)
 
 
 def test_an_arm_with_slides(tmp_path: Path):
-    """Assert that angles are read in degrees, and that all joints turn where none is named."""
+    """Assert that angles are read in degrees, and that joints turn unless listed as slides."""
     path = tmp_path / "arm.toml"
     path.write_text("[arm]\nlengths = [0.0, 0.3]\nslides = {1 = 90.0}\n")
     assert read_arm(path).slides == (pytest.approx(np.pi / 2), None)
@@ -249,7 +249,7 @@ def test_an_arm_with_slides(tmp_path: Path):
 
 
 def test_a_slide_beside_other_joints_has_no_scale_of_its_own(tmp_path: Path):
-    """Assert that a warning of scales is for a slide alone: an arm's weight varies with others."""
+    """Assert a warning of scales for a single axis only, as weights in an arm vary."""
     path = log_of(tmp_path / "run.csv")
     header, _, rows = path.read_text().partition("\n")
     header = header.replace("position_2 [deg]", "position_2 [mm]").replace("2 [N m]", "2 [N]")
@@ -268,7 +268,7 @@ def test_a_slide_beside_other_joints_has_no_scale_of_its_own(tmp_path: Path):
 
 
 def test_a_named_input_comes_before_a_force(tmp_path: Path):
-    """Assert that a slide's current is its input, though there is a force without a side."""
+    """Assert that a slide's current is its input, in preference to an unassigned force."""
     path = log_of(tmp_path / "run.csv")
     header, _, rows = path.read_text().partition("\n")
     header = header.replace("position_2 [deg]", "position_2 [mm]")

@@ -1,4 +1,4 @@
-"""Arms that their model does not explain: where fits begin, what is doubted, errors of the rig."""
+"""Arms with disturbances: starts of fits, doubts, and errors of the rig."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ from flexid.identification.preparation.joint import ElasticArm
 from flexid.identification.vocabulary.evidence import Estimate
 from flexid.models.planar_arm import planar_arm
 
-NOISE = 0.03  # of the torque's root mean square
+NOISE = 0.03  # share of the torque's root mean square
 FIXED = fixed_parameters(ARM, ArmUnits(ARM.types, ("N m", "N m")))
 STRUCTURE = Structure(ElasticArm(planar_arm(ARM)), frozenset(), Timing("zero"), FIXED)
 
 
 def moved(arm: Arm, noise: float = 0.0) -> Samples:
-    """Six seconds of an arm in MuJoCo."""
+    """Return six seconds of an arm in MuJoCo."""
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     motion = Motion(duration=6.0, sample_time=2e-3, bits=17, torque_noise=noise)
     log = simulate(arm, motion, np.random.default_rng(3))
@@ -58,7 +58,7 @@ def moved(arm: Arm, noise: float = 0.0) -> Samples:
 
 @cache
 def recording() -> Samples:
-    """A log whose torque has noise."""
+    """Return a log with a noisy torque."""
     return moved(MADE, NOISE)
 
 
@@ -68,19 +68,19 @@ CURVED = replace(MADE, links=(replace(MADE.links[0], cubic=1e6), MADE.links[1]))
 
 @cache
 def disturbed() -> DisturbedFit:
-    """The fit of that log, begun 20 % off."""
+    """Return the fit of that log, started 20 % off."""
     start = {name: 1.2 * value for name, value in MADE.truth().items()}
     return fit_disturbed(STRUCTURE, arm_data([recording()]), (start,))
 
 
 @cache
 def doubted() -> Estimate:
-    """The same with all doubts."""
+    """Return the estimate of that fit with all doubts."""
     return with_doubts(disturbed())[0]
 
 
 def test_intervals_hold_the_truth_where_the_torque_is_noisy():
-    """Assert that nine of ten values lie within two standard deviations, stiffnesses within 5 %."""
+    """Assert that 90 % of values lie within two standard deviations, and stiffnesses within 5 %."""
     estimate, truth = doubted(), MADE.truth()
     errors = np.array([value - truth[name] for name, value in estimate.by_name.items()])
     assert np.mean(np.abs(errors) < 2.0 * estimate.deviations) >= 0.9
@@ -90,7 +90,7 @@ def test_intervals_hold_the_truth_where_the_torque_is_noisy():
 
 
 def test_noise_of_the_inputs_is_found_and_makes_inertias_look_larger():
-    """Assert that what the log of the torque holds is found to a fifth, and its bias' sign."""
+    """Assert that the torque's noise is found within 20 %, and the sign of its bias."""
     made = disturbed()
     truth = NOISE * np.sqrt(np.mean(recording().inputs ** 2, axis=0))
     assert input_noise(made) == pytest.approx(truth, rel=0.2)
@@ -99,7 +99,7 @@ def test_noise_of_the_inputs_is_found_and_makes_inertias_look_larger():
 
 
 def test_what_is_unexplained_makes_inertias_heavier_or_lighter():
-    """Assert that an inertia is off by the square of its own balance's share, and nothing else."""
+    """Assert an inertia's error of the squared share of its own balance, and no other."""
     fitted, shares = disturbed().fitted, disturbed().shares()
     found = looks_like_the_acceleration(disturbed()).sum(axis=1)
     errors = dict(zip(fitted.names, found, strict=True))
@@ -109,7 +109,7 @@ def test_what_is_unexplained_makes_inertias_heavier_or_lighter():
 
 
 def test_a_deflections_noise_is_its_own():
-    """Assert that the noise of a motor's encoder is no part of a deflection that is logged."""
+    """Assert that the noise of a measured deflection excludes the motor encoder's."""
     log = recording()
     rough = log.positions + 1e-3 * np.random.default_rng(2).standard_normal((len(log), 1))
     data = arm_data([replace(log, positions=rough)], {"link_1": "motor_1"})
@@ -119,7 +119,7 @@ def test_a_deflections_noise_is_its_own():
 
 
 def test_a_rival_as_likely_is_doubted_and_one_less_likely_is_not():
-    """Assert that another minimum counts by its likelihood."""
+    """Assert that another minimum is a doubt only if about as likely."""
     fit, best = disturbed(), disturbed().best
     for worse, columns in ((1.0, 1), (1e3, 0)):
         own = replace(fit, rivals=(replace(best, cost=best.cost + worse),))
@@ -127,20 +127,20 @@ def test_a_rival_as_likely_is_doubted_and_one_less_likely_is_not():
 
 
 def test_an_observer_predicts_the_deflections():
-    """Assert that parameters of the first two thirds predict the last over a resonance's period."""
+    """Assert that parameters of the first two thirds predict the rest over a resonance period."""
     found, periods = disturbed().predicted()
     assert min(found.horizons[0.2][f"link_position_{joint}"] for joint in (1, 2)) > 50.0
     assert min(periods.values()) > 50.0
 
 
 def test_a_physical_start_moves_a_stiff_joint_as_before():
-    """Assert that what leaves a rigid second joint's motion as it is leaves its torques as well."""
+    """Assert that a start made physical for a rigid joint leaves its equations unchanged."""
     balance = planar_arm(ARM)
     values = {**dict.fromkeys(balance.coefficients, 0.0), **TRUTH}
     values |= {"rotor_coupling_2": -0.03, "link_viscous_friction_2": 0.3, "joint_damping_2": 0.0}
     rng = np.random.default_rng(1)
     signals = rng.standard_normal((20, 4, 3))
-    signals[:, 3] = signals[:, 2]  # motor 2 is link 2
+    signals[:, 3] = signals[:, 2]  # motor 2 moves as link 2
     columns = balance_columns(balance, signals, rng.standard_normal((20, 2)))
     moved = as_physical(balance, values)
     kept = {name: values[name] for name in values if name.endswith("friction_1")}
@@ -154,7 +154,7 @@ def test_a_physical_start_moves_a_stiff_joint_as_before():
 
 
 def test_no_start_drives_itself():
-    """Assert that nothing that brakes begins negative, though late links look like that."""
+    """Assert that dampings and frictions start at zero or above, despite late encoders."""
     late = recording()
     positions = late.positions.copy()
     positions[:, ::2] = np.roll(positions[:, ::2], 4, axis=0)
@@ -167,14 +167,14 @@ def test_no_start_drives_itself():
 
 
 def test_noise_of_the_torque_ends_exact_fits_early():
-    """Assert that short segments show that no exact fit will do, and that the reason is said."""
+    """Assert that short segments end exact fits of a noisy torque, with the reason."""
     found = exact_fits(STRUCTURE, arm_data([recording()]), lambda _: None)
     assert len(found.found) < 4
     assert "residuals exceed" in found.hopeless
 
 
 def test_a_delay_of_the_torque_is_no_disturbance():
-    """Assert that torques that act three samples late are fitted with that delay, exactly."""
+    """Assert that torques three samples late are fitted exactly, with that delay."""
     log = moved(SMOOTH)
     late = replace(log.window(0, len(log) - 3), inputs=log.inputs[3:])
     early = replace(log.window(3, len(log)), inputs=log.inputs[:-3])
@@ -185,7 +185,7 @@ def test_a_delay_of_the_torque_is_no_disturbance():
 
 
 def test_a_late_link_encoder_is_found():
-    """Assert that a link's position that is two samples late is fitted with that delay, exactly."""
+    """Assert that a link encoder two samples late is fitted exactly, with that delay."""
     log = moved(SMOOTH)
     early = log.window(2, len(log))
     positions = early.positions.copy()
@@ -199,7 +199,7 @@ def test_a_late_link_encoder_is_found():
 
 
 def test_a_hardening_spring_is_found():
-    """Assert that its stiffness at rest and its curvature are found, exactly and with noise."""
+    """Assert the stiffness at rest and the cubic one, exactly and with noise."""
     truth = CURVED.truth()
     exact = exact_fits(STRUCTURE, arm_data([moved(CURVED)]), lambda _: None)
     start = {name: value for name, value in truth.items() if "cubic" not in name}
@@ -211,7 +211,7 @@ def test_a_hardening_spring_is_found():
 
 
 def with_play(monkeypatch: pytest.MonkeyPatch, half_gap: float) -> None:
-    """Let the springs of arms in MuJoCo have play."""
+    """Give the springs of arms in MuJoCo play."""
     gap = f'springlength="{-half_gap} {half_gap}"'
     monkeypatch.setattr(
         "benchmarks.arms.log.mjcf", lambda *a: mjcf(*a).replace('springlength="0"', gap)
@@ -219,7 +219,7 @@ def with_play(monkeypatch: pytest.MonkeyPatch, half_gap: float) -> None:
 
 
 def test_play_widens_a_stiffness(monkeypatch: pytest.MonkeyPatch):
-    """Assert that a stiffness that play makes too small has an interval that holds the truth."""
+    """Assert that the interval covers a stiffness that play makes appear too small."""
     with_play(monkeypatch, 0.01)
     truth = MADE.truth()["joint_stiffness_1"]
     found = fit_disturbed(STRUCTURE, arm_data([moved(MADE)]), (MADE.truth(),))
@@ -232,7 +232,7 @@ def test_play_widens_a_stiffness(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_a_spring_that_hardens_is_doubted_only_if_it_has_play(monkeypatch: pytest.MonkeyPatch):
-    """Assert that play behind a cubic spring changes it, and that a cubic spring alone does not."""
+    """Assert that play with a cubic spring changes values, and a cubic spring alone does not."""
     values = CURVED.truth() | {"torque_constant_1": 1.0, "torque_constant_2": 1.0}
     changes = []
     for gap in (0.0, 0.002):
@@ -243,20 +243,20 @@ def test_a_spring_that_hardens_is_doubted_only_if_it_has_play(monkeypatch: pytes
 
 
 def refitted(job: Job) -> DisturbedFit:
-    """The fit of the log, from its values on, with another log or other lengths."""
+    """Return the fit continued from its values, with another log or other lengths."""
     made = disturbed()
     near = job.in_band.with_gains_of(made.fitted, made.fitted.by_name, 3)
     return replace(made, job=job, best=replace(made.best, fitted=near))
 
 
 def told_of(found: DisturbedFit) -> FloatArray:
-    """Change of each value by the errors that the log tells of, over its standard deviation."""
+    """Return the change of values by rig errors in the log, over standard deviations."""
     rigs = [*rig_errors(found.fitted, found.job.deflections)]
     return likely_changes(found.fitted, rigs)[:, -1] / disturbed().estimate.deviations
 
 
 def shown(row: int, error: FloatArray, relative_to: dict[str, str]) -> DisturbedFit:
-    """The fit of a log one of whose positions has an error."""
+    """Return the fit of a log with an error of one position."""
     positions = recording().positions.copy()
     positions[:, row] += error
     data = arm_data([replace(recording(), positions=positions)], relative_to)
@@ -264,7 +264,7 @@ def shown(row: int, error: FloatArray, relative_to: dict[str, str]) -> Disturbed
 
 
 def longer() -> DisturbedFit:
-    """The fit with a first link that is said to be 2 % too long."""
+    """Return the fit with a first link stated 2 % too long."""
     job = disturbed().job
     arm = replace(ARM, lengths=(1.02 * ARM.lengths[0], *ARM.lengths[1:]))
     structure = replace(job.structure, joint=ElasticArm(planar_arm(arm)))
@@ -273,7 +273,7 @@ def longer() -> DisturbedFit:
 
 @pytest.mark.parametrize("error", ["eccentric", "motor's scale", "deflection's scale", "length"])
 def test_a_log_tells_of_an_error_of_its_rig(error: str):
-    """Assert that what the log tells undoes most of what a gross error has done to the values."""
+    """Assert that the detected rig error undoes most of the change of values."""
     link, motor = recording().positions.T[:2]
     wrong = {
         "eccentric": lambda: shown(0, 2e-3 * np.sin(link), {}),
@@ -289,7 +289,7 @@ def test_a_log_tells_of_an_error_of_its_rig(error: str):
 
 
 def test_a_rig_on_which_the_motion_diverges_says_nothing():
-    """Assert that no value that is no number gets into an interval."""
+    """Assert that a diverging motion with a rig error raises, so that no interval has NaN."""
     fitted = disturbed().fitted
     segments = fitted.problem.segments
     far = replace(segments, outputs=segments.outputs + 1e200)
@@ -298,16 +298,16 @@ def test_a_rig_on_which_the_motion_diverges_says_nothing():
 
 
 def test_a_right_rig_is_hardly_doubted():
-    """Assert that where nothing is wrong what is doubted stays within what is uncertain anyway."""
+    """Assert that for a right rig doubts are mostly below the standard errors."""
     found = disturbed()
     rigs = [*rig_errors(found.fitted, ())]
-    assert len(rigs) == 7  # of two joints: sine and cosine, a scale; and one length
+    assert len(rigs) == 7  # sine, cosine and scale for two joints, and one length
     sizes = np.linalg.norm(likely_changes(found.fitted, rigs), axis=1)
     assert np.median(sizes / found.estimate.deviations) < 1.0
 
 
 def test_each_start_is_tried_over_few_segments_first(monkeypatch: pytest.MonkeyPatch):
-    """Assert that a start that diverges there is left out, and the next leads from there to all."""
+    """Assert that starts are tried on few segments, and the first success then on all."""
     still = Samples(np.zeros((1000, 4)), None, np.zeros((1000, 2)), 2e-3)
     segments, asked = divide([still], 0.02), []
 
@@ -330,7 +330,7 @@ def test_each_start_is_tried_over_few_segments_first(monkeypatch: pytest.MonkeyP
 
 
 def fitted_without() -> FittedArm:
-    """A fit of straight springs to an arm whose first one hardens."""
+    """Return a fit of linear springs to an arm whose first spring hardens."""
     data = arm_data([moved(CURVED)])
     segments = divide(data.samples, 0.4)
     _, first = begun(STRUCTURE, data, segments)
@@ -339,7 +339,7 @@ def fitted_without() -> FittedArm:
 
 
 def test_a_step_promises_what_a_fit_brings():
-    """Assert that the part that is there promises the most, and about what its fit brings."""
+    """Assert that the true part has the best prediction, close to the actual gain of its fit."""
     fitted = fitted_without()
     squares = fitted.minimum.equations.cost
     parts = unusual_parts(STRUCTURE)

@@ -1,4 +1,4 @@
-"""Arms from their logs: the command, ratios, and one joint as the single-joint core has it."""
+"""Identification of arms from logs: the command, ratios, and joints at rest."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_command_finds_both_joints(folder: Path, flexid: Run, tmp_path: Path):
-    """Assert that stiffnesses are within half a per cent, with files and a table per joint."""
+    """Assert stiffnesses within 0.5 %, output files, and a table for each joint."""
     out = tmp_path / "out"
     model = str(folder / "arm.toml")
     done = flexid("identify", str(folder / "run.csv"), "--model", model, "--out", str(out))
@@ -63,7 +63,7 @@ def test_the_command_finds_both_joints(folder: Path, flexid: Run, tmp_path: Path
 
 @pytest.mark.thorough  # 8 s
 def test_torques_behind_a_filter(folder: Path, flexid: Run, tmp_path: Path):
-    """Assert that what low-passed both into the log is found, and undone in another log as well."""
+    """Assert that a low-pass filter of both torques is found, and inverted in another log too."""
     header, *rows = (folder / "run.csv").read_text().splitlines()
     table = np.loadtxt(rows, delimiter=",")
     filtered = [i for i, name in enumerate(header.split(",")) if "torque" in name]
@@ -84,15 +84,15 @@ def test_torques_behind_a_filter(folder: Path, flexid: Run, tmp_path: Path):
     assert flexid("validate", str(out), str(log), "--min-fit", "90").status == 0
 
 
-SLIDES = Arm(  # with units of N and m at the second joint
+SLIDES = Arm(  # the second joint has units of N and m
     (MADE.links[0], Link(0.3, 1.0, 0.15, 0.02, 0.01, 9e3, 3.0, 3.0, 9.0, 4.0, 1.0, 0.0, slide=0.6)),
     (0.0, -9.81),
 )
 
 
-@pytest.mark.thorough  # 20 s, for most of which its motion is compiled
+@pytest.mark.thorough  # 20 s, most of it compilation
 def test_an_arm_with_a_slide(flexid: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that a mass, moments and stiffnesses are found, in m, N and kg, and predict a log."""
+    """Assert masses, moments and stiffnesses in m, N and kg, and the prediction of another log."""
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     monkeypatch.chdir(tmp_path)
     for seed in (7, 8):
@@ -124,7 +124,7 @@ def test_an_arm_with_a_slide(flexid: Run, tmp_path: Path, monkeypatch: pytest.Mo
 
 @pytest.mark.parametrize("noise", [True, False])
 def test_a_joint_that_rests(tmp_path: Path, noise: bool):
-    """Assert that the other joint is found, and what only motion of this one shows is not."""
+    """Assert that the other joint is identified, and the resting joint's values are not."""
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     first, second = MADE.links
     held = replace(MADE, links=(first, replace(second, motor_coulomb=1e4)))
@@ -146,9 +146,9 @@ def test_a_joint_that_rests(tmp_path: Path, noise: bool):
 
 @pytest.mark.thorough  # 12 s
 def test_a_joint_that_hardly_creeps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that its motor is fitted as it moves, and that no stiffness is sure and wrong.
+    """Assert that a creeping motor is fitted, and that intervals of stiffness are right.
 
-    In another rounding, which once led 15 % astray.
+    With perturbed rounding, which once led to an error of 15 %.
     """
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     rng = np.random.default_rng([3, 2, True])
@@ -169,7 +169,7 @@ def test_a_joint_that_hardly_creeps(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.thorough  # 20 s
 def test_a_coupling_that_makes_up_for_inertia(tmp_path: Path):
-    """Assert that no stiffness is sure that another coupling of the rotor makes twice as large."""
+    """Assert an interval that covers the stiffness, though another rotor coupling doubles it."""
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     rng = np.random.default_rng([13, 2, True])
     arm, motion = random_arm(rng, 2, True), random_motion(rng, True)
@@ -182,7 +182,7 @@ def test_a_coupling_that_makes_up_for_inertia(tmp_path: Path):
 
 
 def rounded_otherwise(log: ArmLog, seed: int) -> ArmLog:
-    """A log whose numbers are off by 1e-12 of themselves."""
+    """Return a log with relative perturbations of 1e-12."""
     rng = np.random.default_rng(seed)
 
     def near(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -197,7 +197,7 @@ def rounded_otherwise(log: ArmLog, seed: int) -> ArmLog:
 def test_a_fit_that_does_not_converge_determines_nothing(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    """Assert that a fit that is still on its way determines no parameter, and says why."""
+    """Assert that an unconverged fit determines no parameter, with the reason."""
     monkeypatch.setattr("flexid.arms.identify._UNCONVERGED", 0.0)
     monkeypatch.setattr("flexid.arms.identify.explains", lambda _: False)
     found = identify_arm(folder / "run.csv", PlanarArm((0.4, 0.3), (9.81, 0.0))).parameters
@@ -206,7 +206,7 @@ def test_a_fit_that_does_not_converge_determines_nothing(
 
 
 def test_currents_give_ratios(folder: Path, flexid: Run):
-    """Assert that currents leave one scale open, and what needs none is as it was."""
+    """Assert that currents leave one scale undetermined, and that ratios are unchanged."""
     model = str(folder / "arm.toml")
     done = flexid("identify", str(folder / "current.csv"), "--model", model, "--json")
     document = json.loads(done.stdout)
@@ -223,7 +223,7 @@ def test_currents_give_ratios(folder: Path, flexid: Run):
 def test_an_input_that_turns_its_joint_backwards(
     folder: Path, flexid: Run, tmp_path: Path, joints: tuple[int, ...]
 ):
-    """Assert that it is named, of torques and of currents, with the remedy."""
+    """Assert that inputs with a reversed sign are named with the remedy, torques or currents."""
     for kind, file in (("torque", "run.csv"), ("current", "current.csv")):
         names = [f"motor_{kind}_{joint}" for joint in joints]
         unit = "A" if kind == "current" else "N m"
@@ -242,6 +242,6 @@ def test_an_input_that_turns_its_joint_backwards(
     [((-2.0, -0.5), "check the signs"), ((-2.0, 0.5), "interval includes positive values")],
 )
 def test_only_what_is_surely_negative_speaks_of_signs(interval: tuple[float, float], words: str):
-    """Assert that an interval that reaches above zero blames no sign."""
+    """Assert that signs are questioned only if the whole interval is negative."""
     found = ValueEstimate("joint_stiffness_1", "N m/rad", -1.0, 1.0, interval, "weak")
     assert words in doubt_of_negative([found])

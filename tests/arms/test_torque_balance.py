@@ -34,7 +34,7 @@ HELD = 25  # samples
 def rates(
     functions: dict[str, Any], x: FloatArray, u: FloatArray, p: FloatArray, arm: PlanarArm = ARM
 ) -> FloatArray:
-    """Rates of the states, all rows sliding."""
+    """Return the rates of the states, with all rows sliding."""
     found = np.empty(len(x))
     constants = np.array(list(planar_arm(arm).constants.values()))
     functions["state_rates"](x, u, np.where(x[1::2] < 0.0, -1.0, 1.0), p, constants, found)
@@ -43,7 +43,7 @@ def rates(
 
 @cache
 def functions_of(types: tuple[JointType, ...]) -> dict[str, Any]:
-    """The generated functions of an arm's joints as plain Python, which no constant is part of."""
+    """Return the generated functions of an arm as plain Python, cached by types of joints."""
     balance = planar_arm(arm_of(types))
     names: dict[str, Any] = {}
     with pytest.MonkeyPatch.context() as patch:
@@ -54,7 +54,7 @@ def functions_of(types: tuple[JointType, ...]) -> dict[str, Any]:
 
 
 def arm_of(types: Sequence[JointType], gravity: tuple[float, float] = (0.0, 0.0)) -> PlanarArm:
-    """An arm with slides in any direction."""
+    """Return an arm with slides in random directions."""
     angles = np.random.default_rng(5).uniform(-2.0, 2.0, len(types))
     ways = zip(types, angles.tolist(), strict=True)
     slides = tuple(None if joint_type == "revolute" else angle for joint_type, angle in ways)
@@ -63,12 +63,12 @@ def arm_of(types: Sequence[JointType], gravity: tuple[float, float] = (0.0, 0.0)
 
 @pytest.fixture(scope="module")
 def functions() -> dict[str, Any]:
-    """Return those of two joints."""
+    """Return the functions of two turning joints."""
     return functions_of(BALANCE.types)
 
 
 def problem_of(torques: FloatArray, h: float, outputs: FloatArray | None = None) -> SegmentedMotion:
-    """One segment over all samples, with every parameter but the torque constants sought."""
+    """Return one segment of all samples; all parameters but the torque constants are unknown."""
     positions = np.zeros((len(torques), 4)) if outputs is None else outputs
     segments = divide([Samples(positions, None, torques, h)], 1e3)
     fixed = {"torque_constant_1": 1.0, "torque_constant_2": 1.0}
@@ -78,12 +78,12 @@ def problem_of(torques: FloatArray, h: float, outputs: FloatArray | None = None)
 
 
 def sought(problem: SegmentedMotion) -> FloatArray:
-    """The true values of what is sought."""
+    """Return the true values of the unknowns."""
     return np.array([TRUTH.get(name, 0.0) for name in problem.names])
 
 
 def test_accelerations_of_the_textbook(functions: dict[str, Any]):
-    """Assert that any motion has the accelerations of the textbook's two links."""
+    """Assert that accelerations equal those of the textbook's two links, for any motion."""
     rng = np.random.default_rng(1)
     for _ in range(20):
         x, u = rng.normal(size=8), rng.normal(size=2)
@@ -92,7 +92,7 @@ def test_accelerations_of_the_textbook(functions: dict[str, Any]):
         np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
-# Of the last ones some joints slide, as the letters of their types say; some rotors are carried.
+# Types of joints by letter (P slides); some rotors move with the links.
 SLIDING = [(34, "RPR"), (53, "PRP"), (27, "PPR"), (3, "RRP")]
 
 
@@ -104,7 +104,7 @@ SLIDING = [(34, "RPR"), (53, "PRP"), (27, "PPR"), (3, "RRP")]
     ],
 )
 def test_accelerations_of_mujoco(seed: int, slides: str):
-    """Assert that random arms, rotors carried or not, accelerate as they do in MuJoCo."""
+    """Assert that random arms, with rotors on base or links, accelerate as in MuJoCo."""
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
     rng = np.random.default_rng(seed)
     arm = random_arm(rng, max(len(slides), 2), slides=bool(slides))
@@ -112,7 +112,7 @@ def test_accelerations_of_mujoco(seed: int, slides: str):
     assert not slides or [way[0].upper() for way in known.types] == [*slides]
     functions = functions_of(known.types)
     truth = {**arm.truth(), **{f"torque_constant_{i + 1}": 1.0 for i in range(n)}}
-    for name in truth:  # MuJoCo's dry friction is soft
+    for name in truth:  # MuJoCo's dry friction is smooth
         if "coulomb" in name:
             truth[name] = 0.0
     p = np.array([truth[name] for name in planar_arm(known).coefficients])
@@ -140,7 +140,7 @@ TYPES: dict[str, JointType] = {"R": "revolute", "P": "prismatic"}
 @pytest.mark.parametrize("letters", ["RR", "RP", "PR", "PP", "RPR", "PRP"])
 @pytest.mark.parametrize("gravity", [(0.0, 0.0), (3.0, -9.0)])
 def test_parameters_of_the_links_are_a_base(letters: str, gravity: tuple[float, float]):
-    """Assert that motion separates all, but for the first moment where no gravity acts on it."""
+    """Assert that link parameters are independent, except the first moments without gravity."""
     types: list[JointType] = [TYPES[letter] for letter in letters]
     rng, n, balance = np.random.default_rng(5), len(types), planar_arm(arm_of(types, gravity))
     x, u, a = (rng.normal(size=(100, width)) for width in (4 * n, n, 2 * n))
@@ -159,7 +159,7 @@ def test_parameters_of_the_links_are_a_base(letters: str, gravity: tuple[float, 
 
 @pytest.mark.parametrize("letters", ["RR", "RP", "PR", "PP", "RPR"])
 def test_what_a_joint_carries_is_its_entry_of_the_mass_matrix(letters: str):
-    """Assert the weights of inertias, masses and moments, where the arm is straight."""
+    """Assert the weights of inertias, masses and moments for the straight arm."""
     types: list[JointType] = [TYPES[letter] for letter in letters]
     arm = arm_of(types)
     balance, n = planar_arm(arm), arm.joints
@@ -177,7 +177,7 @@ def test_what_a_joint_carries_is_its_entry_of_the_mass_matrix(letters: str):
 
 
 def test_a_physical_start_beyond_a_slide_moves_as_before():
-    """Assert that a backward coupling of a stiff joint goes to the link before it that turns."""
+    """Assert that a negative coupling of a stiff joint moves to the previous turning link."""
     balance = planar_arm(arm_of(("revolute", "prismatic", "revolute"), (9.81, 0.0)))
     rng = np.random.default_rng(2)
     values = {name: 0.0 if "friction" in name else 1.0 for name in balance.coefficients}
@@ -185,7 +185,7 @@ def test_a_physical_start_beyond_a_slide_moves_as_before():
     moved = as_physical(balance, values)
     assert moved["rotor_coupling_3"] == 0.0
     x, u, a = rng.normal(size=(20, 12)), rng.normal(size=(20, 3)), rng.normal(size=(20, 6))
-    x[:, 10:], a[:, 5] = x[:, 8:10], a[:, 4]  # motor 3 is link 3
+    x[:, 10:], a[:, 5] = x[:, 8:10], a[:, 4]  # motor 3 moves as link 3
     columns = np.zeros((20, 6, len(balance.coefficients)))
     constants = np.array(list(balance.constants.values()))
     functions_of(balance.types)["columns"](x, u, np.sign(x[:, 1::2]), constants, a, columns)
@@ -195,7 +195,7 @@ def test_a_physical_start_beyond_a_slide_moves_as_before():
 
 
 def test_errors_of_a_rig_with_a_slide():
-    """Assert that a slide has no eccentric encoder, and a direction that errs beside the length."""
+    """Assert that a slide has an error of direction and length, but no eccentric encoder."""
     arm = ElasticArm(planar_arm(PlanarArm((0.4, 0.3), slides=(None, 0.6))))
     segments = divide([Samples(np.ones((50, 4)), None, np.zeros((50, 2)), 2e-3)], 0.1)
     problem = arm.motion(segments, Timing("zero"), arm.unknowns((), {}))
@@ -206,17 +206,17 @@ def test_errors_of_a_rig_with_a_slide():
         [name for name, x, y in zip(names, rig.constants, problem.constants, strict=True) if x != y]
         for rig in rigs
     ]
-    assert changed == [[], [], [], [], ["l1"], ["d2"]]  # a sine, a cosine and two scales first
+    assert changed == [[], [], [], [], ["l1"], ["d2"]]  # first a sine, a cosine and two scales
 
 
 def held_torques(rng: np.random.Generator, count: int) -> FloatArray:
-    """Torques that jump now and then, so that joints stick and let go."""
+    """Return piecewise constant torques, so that joints stick and slip."""
     jumps = rng.normal(size=(count // HELD + 1, 2)) * [6.0, 1.5]
     return np.repeat(jumps, HELD, axis=0)[:count]
 
 
 def test_stick_and_slip_of_an_independent_integrator():
-    """Assert that coupled joints stick and slide as SciPy's integrator with events has it."""
+    """Assert that coupled joints stick and slip as with SciPy's integrator and events."""
     rng = np.random.default_rng(3)
     h, torques = 2e-3, held_torques(rng, 400)
     start = np.array([0.3, 0.0, 0.3, 0.0, -0.2, 0.0, -0.2, 0.0])
@@ -232,7 +232,7 @@ def test_stick_and_slip_of_an_independent_integrator():
 
 
 def test_sensitivities_by_finite_differences():
-    """Assert that derivatives by all parameters and first states hold, across sticking too."""
+    """Assert derivatives by all parameters and initial states, also while sticking."""
     rng = np.random.default_rng(4)
     h, torques = 2e-3, held_torques(rng, 200)
     start = np.array([0.3, 0.5, 0.28, 0.4, -0.2, -0.6, -0.25, -0.5])

@@ -13,7 +13,7 @@ SLIDES: JointType = "prismatic"
 
 Case = tuple[tuple[JointType, JointType], tuple[str, str], str]
 
-# Of joint 1's stiffness; of joint 2's stiffness, damping, inertia or mass, and constant.
+# Stiffness of joint 1; stiffness, damping, inertia or mass, and constant of joint 2.
 UNITS: dict[str, Case] = {
     "all in torques": ((TURNS, TURNS), ("N m", "N m"), "N m/rad N m/rad N m s/rad kg m^2 N m/N m"),
     "a force": ((TURNS, SLIDES), ("N m", "N"), "N m/rad N/m N s/m kg N/N"),
@@ -26,7 +26,7 @@ UNITS: dict[str, Case] = {
 
 @pytest.mark.parametrize("case", UNITS)
 def test_units_where_torques_are_known_or_not(case: str):
-    """Assert that units follow from the joints' types and inputs, by dimension."""
+    """Assert that units follow from the types and inputs of the joints."""
     types, inputs, wanted = UNITS[case]
     slides = tuple(0.0 if way == SLIDES else None for way in types)
     terms = planar_arm(PlanarArm((0.3, 0.3), slides=slides)).placed()

@@ -1,4 +1,4 @@
-"""A two-link arm by the textbook, with dry friction by an integrator that stops where it acts."""
+"""Textbook model of a two-link arm, with dry friction by event-driven integration."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ TRUTH = {
 
 
 def truth_values() -> FloatArray:
-    """The parameters in the model's order."""
+    """Return the true parameters in the model's order."""
     return np.array([TRUTH.get(name, 0.0) for name in planar_arm(ARM).coefficients])
 
 
 @dataclass
 class TwoLinks:
-    """States are link 1, motor 1, link 2, motor 2, each with its velocity."""
+    """Two links; states are link 1, motor 1, link 2, motor 2, each with its velocity."""
 
     torque: FloatArray
     gravity: float = 9.81
@@ -58,7 +58,7 @@ class TwoLinks:
     )
 
     def masses(self, x: FloatArray) -> FloatArray:
-        """Mass matrix by row."""
+        """Return the mass matrix."""
         t, length = TRUTH, ARM.lengths[0]
         i1, i2 = t["link_inertia_1"], t["link_inertia_2"]
         across = t["link_moment_across_2"]
@@ -74,7 +74,7 @@ class TwoLinks:
         )
 
     def forces(self, _: float, x: FloatArray) -> FloatArray:
-        """Torques on each row but for dry friction."""
+        """Return the torque on each row without dry friction."""
         t, length, g = TRUTH, ARM.lengths[0], self.gravity
         q1, v1, m1, w1, q2, v2, m2, w2 = x
         along, across = t["link_moment_along_2"], t["link_moment_across_2"]
@@ -99,7 +99,7 @@ class TwoLinks:
 
 
 def accelerations(system: TwoLinks, time: float, x: FloatArray, modes: FloatArray) -> FloatArray:
-    """Of each row, by the direction in which it slides; what sticks, mode 0, has none."""
+    """Return accelerations; modes are signs of sliding, and rows of mode 0 stick."""
     moves = modes != 0.0
     up, down = system.limits.T
     force = system.forces(time, x) - np.where(modes > 0.0, up, -down)
@@ -109,12 +109,12 @@ def accelerations(system: TwoLinks, time: float, x: FloatArray, modes: FloatArra
 
 
 def holding(system: TwoLinks, time: float, x: FloatArray, modes: FloatArray) -> FloatArray:
-    """What friction has to hold in each row that sticks."""
+    """Return the friction torque that keeps each sticking row at rest."""
     return system.forces(time, x) - system.masses(x) @ accelerations(system, time, x, modes)
 
 
 def first_modes(system: TwoLinks, time: float, x: FloatArray) -> FloatArray:
-    """Modes that contradict nothing: rows at rest stick or slide as their forces say."""
+    """Return consistent modes: rows at rest stick or slide according to their forces."""
     free = [i for i, velocity in enumerate(x[1::2]) if abs(velocity) < 1e-10]
     modes = np.sign(x[1::2])
     up, down = (1.0 - 1e-9) * system.limits.T
@@ -130,7 +130,7 @@ def first_modes(system: TwoLinks, time: float, x: FloatArray) -> FloatArray:
 
 @dataclass
 class Leaving:
-    """How far a row is from where its mode ends; a run ends as it falls through zero."""
+    """Event function of a row's mode, which ends where the function falls through zero."""
 
     system: TwoLinks
     modes: FloatArray
@@ -139,7 +139,7 @@ class Leaving:
     direction = -1.0
 
     def __call__(self, time: float, x: FloatArray) -> float:
-        """A velocity, or what friction could hold beyond what it does."""
+        """Return the sliding velocity, or the margin of the friction that holds."""
         mode = self.modes[self.row]
         if mode != 0.0:
             return mode * x[2 * self.row + 1]
@@ -148,7 +148,7 @@ class Leaving:
 
 
 def motion(system: TwoLinks, times: np.ndarray, start: FloatArray) -> tuple[FloatArray, int]:
-    """States at some times from that at the first of them, and how often a mode ended."""
+    """Return the states at some times, and the number of changes of modes."""
     now, x, found, ended = times[0], start.copy(), [start], 0
     while now < times[-1]:
         modes = first_modes(system, now, x)

@@ -64,7 +64,7 @@ def test_large_terms_cancel() -> None:
 
 @loops
 def test_derivatives(declaration: LoopDeclaration) -> None:
-    """Assert that Jacobian and time derivative are those of the rates, by central differences."""
+    """Assert that Jacobian and time derivative match central differences of the rates."""
     kernel, p = loop_kernel(declaration), parameters(declaration)
     z = np.random.default_rng(2).normal(size=kernel.SIZE)
     dz, slope = np.empty(kernel.SIZE), np.empty(kernel.SIZE)
@@ -87,7 +87,7 @@ def test_derivatives(declaration: LoopDeclaration) -> None:
 
 @loops
 def test_both_routes_agree(declaration: LoopDeclaration) -> None:
-    """Assert that eq. (7) in the coordinates moves as eqs. (1) to (3) in plain states do."""
+    """Assert that eq. (7) in coordinates gives the motion of eqs. (1) to (3) in plain states."""
     kernel, p = loop_kernel(declaration), parameters(declaration)
     x = 0.5 * np.random.default_rng(3).normal(size=kernel.N_STATES)
     estimates = np.random.default_rng(4).normal(size=kernel.N_COEFFICIENTS)
@@ -109,7 +109,7 @@ def test_both_routes_agree(declaration: LoopDeclaration) -> None:
 def plain_rates(
     declaration: LoopDeclaration, t: float, x: np.ndarray, estimates: np.ndarray
 ) -> np.ndarray:
-    """Return x' and the rates of the estimates, written down as eqs. (1) to (3) are printed."""
+    """Return x' and the rates of the estimates, from eqs. (1) to (3) as printed."""
     system, law = declaration.system, declaration.controller
     values = dict(zip(declaration.parameter_names, parameters(declaration), strict=True))
     values |= dict(zip(system.states, x, strict=True))
@@ -123,7 +123,7 @@ def plain_rates(
     numbers = {symbol(name): value for name, value in values.items()}
     numbers |= {row.gain: values[f"_gain{place}"] for place, row in enumerate(observer.rows)}
     numbers |= zip((p for row in observer.rows for p in row.estimates), estimates, strict=True)
-    numbers |= dict.fromkeys(observer.rates, 0.7)  # u', whatever it is: it drops out
+    numbers |= dict.fromkeys(observer.rates, 0.7)  # u' cancels, so any value will do
     rates = observer.symbolic.right_hand_side
     moving = [*observer.symbolic.states, *observer.symbolic.inputs]
     speeds = [*rates, *observer.rates]
@@ -137,7 +137,7 @@ def plain_rates(
 
 @pytest.mark.parametrize("second", ["x2 + x4", "2*x2", "x2 + x2**2"])
 def test_map_must_be_triangular(second: str) -> None:
-    """Assert that a coordinate is refused unless it is its state plus what comes before it."""
+    """Assert that a coordinate must be its state plus a function of earlier states."""
     law = Controller("law", "x1", {"u": "-x4"}, coordinates={
         "s1": "x1", "s2": second, "s3": "x3", "s4": "x4"
     })  # fmt: skip
@@ -146,7 +146,7 @@ def test_map_must_be_triangular(second: str) -> None:
 
 
 def test_observer_must_be_free_of_accelerations() -> None:
-    """Assert that no loop is composed with an observer that cannot be built."""
+    """Assert that a loop with an observer that needs accelerations is refused."""
     damped = flexible_joint(("gravity", "joint_damping"), known={"beta1": 10 / 3})
     with pytest.raises(AccelerationError, match="theta_damping"):
         compose_loop(LoopDeclaration(damped, robust_law(), sinusoid(3.0, 5.0)))

@@ -1,4 +1,4 @@
-"""The immersion of a regressor, and what a filter needs to know of it."""
+"""The immersion of a regressor, and the signals that filters need of it."""
 
 import math
 from typing import Any
@@ -34,7 +34,7 @@ QUADRATURE = ["exp(-v**2)*tanh(v)", "cos(q*v)", "tanh(q*v)", "v/abs(q - v)"]
 
 @pytest.mark.parametrize("text", CLOSED)
 def test_closed_form(text: str):
-    """Assert that the antiderivative is that found by hand, and has the integral's value."""
+    """Assert the antiderivative found by hand, and the value of its integral."""
     regressor = to_sympy(text, {"q", "v", "width"})
     found = immersion(regressor, v, [width])
     assert str(found) == CLOSED[text]
@@ -49,7 +49,7 @@ def test_closed_form(text: str):
 
 @pytest.mark.parametrize("text", QUADRATURE)
 def test_quadrature_where_no_plain_closed_form(text: str):
-    """Assert that what has none, or only one that fails where q vanishes, stays an integral."""
+    """Assert that a regressor without a closed form that is valid everywhere stays an integral."""
     assert immersion(to_sympy(text, {"q", "v"}), v).has(sp.Integral)
 
 
@@ -57,7 +57,7 @@ def test_quadrature_where_no_plain_closed_form(text: str):
     "text", ["1/0", "q/0", "0/0*q", "q**(1/0)", "sqrt(-1)*q", "(-8)**(1/3)", "tan(pi/2) + q"]
 )
 def test_no_finite_real_value(text: str):
-    """Assert that what is nowhere a finite real number is refused with the place."""
+    """Assert that an expression without any finite real value is refused with its place."""
     with pytest.raises(ExpressionError, match=r"here: .*no finite real value"):
         to_sympy(text, {"q"}, "here")
 
@@ -88,11 +88,11 @@ def test_parts(case):
     [
         (flexible_joint(), "VELOCITY_NEEDED", "()"),
         (flexible_joint(TERMS), "VELOCITY_NEEDED", "('theta_coulomb', 'alpha_coulomb')"),
-        (NO_CLOSED_FORM, "HELD", "(False, False, False, True)"),  # the known part has the input
+        (NO_CLOSED_FORM, "HELD", "(False, False, False, True)"),  # the known part has an input
         (THREE_ROWS, "N_SIGNALS", str(len(THREE_ROWS.coefficients) + 3)),
     ],
 )
 def test_what_is_emitted(system, name, value):
-    """Assert that velocities are asked for where they are needed, and the hold where it counts."""
+    """Assert that velocities are required only if needed, and the hold only if it matters."""
     lines = signal_module(system).splitlines()
     assert f"{name} = {value}" in lines

@@ -1,4 +1,4 @@
-"""The observer derived for the whole class, Huang (2003), eqs. (2), (3) and (7), and printed."""
+"""The observer for the whole class, Huang (2003), eqs. (2), (3) and (7), and printed code."""
 
 import ctypes
 import shutil
@@ -40,18 +40,18 @@ def test_error_dynamics_are_equation_7(name: str):
         (PAPER, (), []),
         (NO_CLOSED_FORM, ("stribeck",), []),
         (UNKNOWN_GAIN, (), ["u_rate"]),
-        (THREE_ROWS, (), ["u2_rate"]),  # of two inputs only the one inside a regressor
+        (THREE_ROWS, (), ["u2_rate"]),  # of two inputs only the one in a regressor
     ],
 )
 def test_what_an_observer_needs_is_reported(system, quadratures, rates):
-    """Assert that integrals without an antiderivative, and inputs' rates, are named, no others."""
+    """Assert that exactly the integrals by quadrature and the required input rates are named."""
     observer = derive_observer(system)
     assert observer.quadratures == quadratures
     assert [str(rate) for rate in observer.input_rates] == rates
 
 
 def test_names_of_the_model_are_left_to_it():
-    """Assert that a model may call its own quantities y1, c1 or u_rate."""
+    """Assert that a model may use the names y1, c1 or u_rate."""
     system = ParametricSystem(
         "clash", (Row("arm", "y1", "c1", {"a": "-y1*u", "a_hat": "u_rate"}),), ("u", "u_rate")
     )
@@ -65,7 +65,7 @@ REFUSED = ("1/v", "q/v**2", "v/abs(v)", "1/sqrt(abs(v))", "sign(q)*v", "sign(u)"
 
 
 def test_what_cannot_be_integrated_is_refused(refusals: Any):
-    """Assert that divisions by the velocity, jumps with what else moves and accelerations are."""
+    """Assert that regressors without a valid integral, and accelerations, are refused."""
 
     def derived(regressor: str) -> SymbolicObserver:
         row = Row("arm", "q", "v", {"a": regressor, "b": "-2*v"})
@@ -81,7 +81,7 @@ def test_what_cannot_be_integrated_is_refused(refusals: Any):
 
 @pytest.mark.parametrize("regressor", ["q/(1 + v**2)", "1/q", "sign(v)*exp(-(v/0.1)**2)", "u/q*v"])
 def test_regressor_with_value_at_rest_is_derived(regressor: str):
-    """Assert that other divisions are no concern of the velocity's integral."""
+    """Assert that regressors with other divisions, finite at rest, are accepted."""
     derive_observer(ParametricSystem("rest", (Row("arm", "q", "v", {"a": regressor}),)))
 
 
@@ -94,7 +94,7 @@ GOLDEN = Path(__file__).parent / "golden"
 @pytest.mark.parametrize("target", PRINTERS)
 @pytest.mark.parametrize("name", ["paper", "unknown input gain", "three rows"])
 def test_golden_text(target: str, name: str, request: pytest.FixtureRequest):
-    """Assert that the printed equations are those kept, read and approved."""
+    """Assert that the printed equations equal the reviewed golden files."""
     printer, suffix = PRINTERS[target]
     printed = printer(derive_observer(ALL[name]))
     file = GOLDEN / f"{name.replace(' ', '_')}.{suffix}"
@@ -104,7 +104,7 @@ def test_golden_text(target: str, name: str, request: pytest.FixtureRequest):
 
 
 def symbolic_values(observer: SymbolicObserver) -> tuple[list[np.ndarray], list, list]:
-    """Random values of all that an observer depends on, and (2) and (3), integrals by SymPy's."""
+    """Return random inputs of an observer, and values of (2) and (3) with integrals by SymPy."""
     rng, symbolic = np.random.default_rng(7), observer.symbolic
     signals = (
         symbolic.states,
@@ -172,7 +172,7 @@ AWKWARD = ParametricSystem(
 def test_printed_functions_have_the_symbolic_values(
     system: ParametricSystem, compile_c: Callable[[str], ctypes.CDLL]
 ):
-    """Assert that printed Python, and C without a warning, compute (2) and (3), whatever names."""
+    """Assert that printed Python and C compute (2) and (3), for any names, without warnings."""
     observer = derive_observer(system)
     values, estimates, rates = symbolic_values(observer)
     namespace: dict = {}
@@ -198,4 +198,4 @@ def test_quadrature_error_of_friction_curves(width: float, velocity: float):
     end = min(abs(velocity), 7 * width)
     wanted, _ = quad(curve, 0.0, end, epsabs=1e-14, epsrel=1e-12, limit=200)
     found = velocity * weights @ curve(velocity * nodes)
-    assert found == pytest.approx(wanted, rel=1e-7)  # even in v
+    assert found == pytest.approx(wanted, rel=1e-7)  # the curve is even in v

@@ -51,13 +51,13 @@ def drawn(system, seed):
 
 
 def columns_of(system):
-    """Return the column of each coefficient, after the state and where it began, and the next."""
+    """Return the columns of the coefficients, which follow the initial states, and the next one."""
     first, k = 1 + len(system.states), len(system.coefficients)
     return first + np.arange(k), first + k
 
 
 def slopes_of(functions, system, x, u, du, modes, p, c, at, delay):
-    """Return the derivatives of the rates of velocities and memories by the state and the rest."""
+    """Return derivatives of the rates of velocities and memories by states and parameters."""
     n = len(system.rows) + len(system.memories)
     a, r = np.zeros(n * len(x)), np.zeros(n * functions["WIDTH"])
     functions["slopes"](x, u, du, modes, p, c, at, delay, a, r)
@@ -66,7 +66,7 @@ def slopes_of(functions, system, x, u, du, modes, p, c, at, delay):
 
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_rates_are_the_model_s(plain, name):
-    """Assert that x' is that of the functions which all other kernels have."""
+    """Assert that x' equals the right-hand side used by all other kernels."""
     system = SYSTEMS[name]
     x, u, modes, p, c = drawn(system, 11)
     rates, expected = np.empty_like(x), np.empty_like(x)
@@ -77,7 +77,7 @@ def test_rates_are_the_model_s(plain, name):
 
 @pytest.mark.parametrize("name", ALL)
 def test_linearisation_is_the_slope_of_the_right_hand_side(plain, name):
-    """Assert that every derivative is the limit of differences, and that nothing smooth jumps."""
+    """Assert that derivatives match differences, and that smooth models have no jumps."""
     model = plain(plain_model(ALL[name]))
     x, u, _, p, c = drawn(ALL[name], 1)
     found, gains = np.empty((len(x), len(x))), np.empty((len(x), len(u)))
@@ -88,7 +88,7 @@ def test_linearisation_is_the_slope_of_the_right_hand_side(plain, name):
         ends = np.empty((2, len(x)))
         for end, side in zip(ends, (step, -step), strict=True):
             model["right_hand_side"](x + side[: len(x)], u + side[len(x) :], p, c, end)
-        # The differences err by step²/6 of the third derivative.
+        # The differences have an error of step²/6 times the third derivative.
         slope = (ends[0] - ends[1]) / 2e-5
         np.testing.assert_allclose(np.hstack((found, gains))[:, place], slope, 1e-6, 1e-6)
     assert not jumps.any()
@@ -96,7 +96,7 @@ def test_linearisation_is_the_slope_of_the_right_hand_side(plain, name):
 
 @pytest.mark.parametrize("stop", [0.0, 2.0])
 def test_costly_functions_are_called_where_they_are_needed(plain, stop):
-    """Assert that of terms that are off nothing is computed, unless it is sought."""
+    """Assert that terms with a zero coefficient are not computed, unless it is an unknown."""
     functions = plain(sensitivity_functions(COSTLY, "Test"))
     calls = []
     functions["tanh"] = lambda z: calls.append("tanh") or np.tanh(z)
@@ -117,7 +117,7 @@ def test_costly_functions_are_called_where_they_are_needed(plain, stop):
 
 
 def step_of(functions, system, x, u, modes, p, c, h):
-    """Return the stages of a step of Runge-Kutta 4, and its end."""
+    """Return the stages of a Runge-Kutta step of order 4, and its end."""
     stages, end = [x], x.copy()
     for weight, reach in ((1 / 6, 0.5), (1 / 3, 0.5), (1 / 3, 1.0), (1 / 6, 0.0)):
         rates = np.empty_like(x)
@@ -164,7 +164,7 @@ def test_columns_are_derivatives_of_the_step(plain, name):
 
 
 def test_corners_are_those_of_positions(plain):
-    """Assert that magnitudes of positions are corners while their terms are on; of speeds, not."""
+    """Assert that magnitudes of positions are corners while their terms are on, unlike speeds."""
     system = ParametricSystem(
         "play",
         (Row("mass", "q", "v", {"play": "abs(q - w) - abs(q + w)", "drag": "-v*abs(v)"}),),

@@ -1,4 +1,4 @@
-"""Motions of made-up systems over segments, and derivatives by differences."""
+"""Motions of small systems over segments, and derivatives by differences."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ def problem_of(
     timing: Timing | None = None,
     substeps: int = 1,
 ) -> SegmentedMotion:
-    """One segment under an input, with positions of zero."""
+    """Return one segment under an input, with positions of zero."""
     sought = sought if isinstance(sought, Unknowns) else Unknowns(sought)
     outputs = np.zeros((len(force), len(sought.system.rows)))
     samples = Samples(outputs, None, np.asarray(force, dtype=np.float64)[:, None], h)
@@ -30,24 +30,24 @@ def problem_of(
 
 
 def point_of(values: list[float], *state: float) -> Point:
-    """What is sought, and one initial state."""
+    """Return values of the unknowns and one initial state."""
     return Point(np.array(values, dtype=np.float64), np.array([state], dtype=np.float64))
 
 
 def motion(problem: SegmentedMotion, point: Point) -> FloatArray:
-    """Positions as they would be measured, shape (n, n_rows)."""
+    """Return positions of the motion, shape (n, n_rows)."""
     found = problem.equations(point)
     assert np.isfinite(found.cost)
     return problem.segments.outputs - found.residuals
 
 
 def measured(problem: SegmentedMotion, outputs: FloatArray) -> SegmentedMotion:
-    """The same with other outputs."""
+    """Return the problem with other measured outputs."""
     return replace(problem, segments=replace(problem.segments, outputs=outputs))
 
 
 def fall(problem: SegmentedMotion, point: Point, place: int, step: float) -> float:
-    """Minus half the slope of the sum of squares by differences: the states first, then values."""
+    """Return minus half the slope of the sum of squares, by differences; states come first."""
     at, n = np.concatenate((point.initial_states.ravel(), point.values)), point.initial_states.size
     costs = []
     for side in (step, -step):
@@ -62,7 +62,7 @@ CART = ParametricSystem("cart", (Row("cart", "q", "v", {"gain": "u", "push": "1"
 
 
 def held_cart(n: int = 400, h: float = 0.01, seed: int = 1) -> Samples:
-    """A cart under a random force, constant over each interval, integrated exactly."""
+    """Return a cart under a random force, constant over each interval, integrated exactly."""
     force = np.random.default_rng(seed).standard_normal(n)
     acceleration = 2.0 * force + 0.3
     velocity = np.concatenate(([0.7], 0.7 + h * np.cumsum(acceleration[:-1])))

@@ -1,4 +1,4 @@
-"""The noisy flexible joint on which estimators are measured, made with SciPy."""
+"""The noisy flexible joint on which estimators are tested, simulated with SciPy."""
 
 from dataclasses import replace
 from functools import cache
@@ -18,13 +18,13 @@ VELOCITY_NOISE = 1e-2
 
 
 def torque(time):
-    """Two sines, in N m."""
+    """Return the sum of two sines, in N m."""
     return 20.0 * np.sin(2.0 * time) + 10.0 * np.sin(5.3 * time)
 
 
 @cache
 def clean_motion(coulomb: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Time, shape (n,), and states x1 to x4, shape (n, 4), from rest; friction if asked."""
+    """Return time, shape (n,), and states x1 to x4, shape (n, 4), from rest."""
     theta1, theta2, alpha1, alpha2, beta1 = VALUES
 
     def right_hand_side(t, x):
@@ -50,7 +50,7 @@ def clean_motion(coulomb: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
 
 
 def joint_samples(seed: int | None = None, first: int = 0) -> Samples:
-    """The record from sample `first` on, clean or with white noise of the given seed."""
+    """Return the samples from `first` on, clean or with white noise of the given seed."""
     time, states = clean_motion()
     states = states.copy()
     if seed is not None:
@@ -68,14 +68,14 @@ def joint_samples(seed: int | None = None, first: int = 0) -> Samples:
 
 
 def encoders(seed: int | None, first: int = 0) -> Samples:
-    """The same without its velocities."""
+    """Return the same samples as `joint_samples`, without velocities."""
     return replace(joint_samples(seed, first), velocities=None)
 
 
 def late_motion(
     at: np.ndarray, input_delay: float, link_delay: float, by_deflection: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Link, motor and torque at some times; the torque, and the link or deflection, are late."""
+    """Return link, motor and torque at some times, with the torque and link or deflection late."""
     time, states = clean_motion()
     link, motor = (make_interp_spline(time, states[:, column], k=5) for column in (0, 2))
     seen = link(at - link_delay)
@@ -85,11 +85,11 @@ def late_motion(
 
 
 def holding(fit, truth: np.ndarray = VALUES) -> np.ndarray:
-    """Whether each 95 % interval of a fit holds the truth."""
+    """Return whether each 95 % interval of a fit contains the true value."""
     quantile = t.ppf(0.975, np.array(fit.degrees_of_freedom))
     return np.abs(fit.values - truth) <= quantile * fit.standard_deviations
 
 
 def worst_error(values) -> float:
-    """Largest relative error of the coefficients, in percent."""
+    """Return the largest relative error of the coefficients, in per cent."""
     return 100.0 * float(np.max(np.abs(np.asarray(values) / VALUES - 1.0)))

@@ -1,4 +1,4 @@
-"""A mass on a spring that is solved exactly, and every estimator of it under one name."""
+"""A mass on a spring with an exact solution, and every estimator of it by name."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -29,7 +29,7 @@ Estimator = Callable[..., dict[str, float]]
 
 
 def oscillator(names: Sequence[str] = (*TRUE,), known: float | None = None) -> ParametricSystem:
-    """Coefficients in the given order; with a known gain the input is the row's known part."""
+    """Return the oscillator with coefficients in this order; a known gain makes the input known."""
     regressors = {name: REGRESSORS[name] for name in names if known is None or name != "gain"}
     part = "0" if known is None else f"{known}*u"
     return ParametricSystem("oscillator", (Row("mass", "q", "v", regressors, part),))
@@ -38,7 +38,7 @@ def oscillator(names: Sequence[str] = (*TRUE,), known: float | None = None) -> P
 def oscillation(
     duration: float, hold: Hold = "linear", noise: float = 0.0, seed: int = 0
 ) -> Samples:
-    """The oscillator from rest under two sines, held or linear between samples, to rounding."""
+    """Return exact samples from rest under two sines, held or linear between samples."""
     force, states = _states(round(duration / SAMPLE_TIME), hold, seed)
     measured = states + noise * np.random.default_rng(5 + seed).standard_normal(states.shape)
     return Samples(measured[:, :1], measured[:, 1:], force[:, None].copy(), SAMPLE_TIME)
@@ -46,12 +46,12 @@ def oscillation(
 
 @cache
 def _states(n: int, hold: Hold, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Force, shape (n,), and states, shape (n, 2)."""
+    """Return the force, shape (n,), and states, shape (n, 2)."""
     h = SAMPLE_TIME
     slow, fast = np.random.default_rng(seed).uniform(0.0, 6.0, 2) if seed else (0.0, 0.0)
     time = np.arange(n) * h
     force = 3.0 * np.sin(1.1 * time + slow) + 4.0 * np.sin(3.7 * time + fast)
-    # States q, v, u, u': over an interval the input runs from u at the slope u'.
+    # States q, v, u, u': within an interval the input starts at u with slope u'.
     rates = np.zeros((4, 4))
     rates[0, 1] = rates[2, 3] = 1.0
     rates[1, :3] = -TRUE["spring"], -TRUE["friction"], TRUE["gain"]
@@ -64,7 +64,7 @@ def _states(n: int, hold: Hold, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def at_rest(duration: float, noise: float = 0.0, level: float = 0.3) -> Samples:
-    """The mass held still by a constant force."""
+    """Return samples of the mass held at rest by a constant force."""
     n = round(duration / SAMPLE_TIME)
     positions, velocities = noise * np.random.default_rng(7).standard_normal((2, n, 1))
     force = np.full((n, 1), TRUE["spring"] * level / TRUE["gain"])
@@ -72,24 +72,24 @@ def at_rest(duration: float, noise: float = 0.0, level: float = 0.3) -> Samples:
 
 
 def by_filter(recordings: Sequence[Samples], unknowns: Unknowns, **settings: Any) -> BatchFit:
-    """State-variable-filter least squares."""
+    """Fit by state-variable-filter least squares."""
     return filtered_least_squares(recordings, unknowns.system, unknowns=unknowns, **settings)
 
 
 def by_motion(recordings: Sequence[Samples], unknowns: Unknowns, **settings: Any) -> BatchFit:
-    """Segmented prediction error, from the filter."""
+    """Fit by segmented prediction error, started from the filter."""
     start = filtered_least_squares(recordings, unknowns.system, unknowns=unknowns, **settings)
     return prediction_error(recordings, unknowns.system, start, unknowns=unknowns, **settings)
 
 
 def observer(system: ParametricSystem, hold: Hold) -> OnlineEstimator:
-    """The parametric observer with suggested gains."""
+    """Return the parametric observer with suggested gains."""
     gains = suggest_gains(oscillation(20.0), system, convergence_rate=30.0)
     return parametric_observer(system, gains, SAMPLE_TIME, hold)
 
 
 def recursive(system: ParametricSystem, hold: Hold) -> OnlineEstimator:
-    """Recursive least squares."""
+    """Return recursive least squares."""
     return recursive_least_squares(system, SAMPLE_TIME, hold=hold)
 
 
@@ -100,13 +100,13 @@ ONLINE: Mapping[str, Builder] = {"observer": observer, "recursive": recursive}
 
 
 def fitted(batch: Batch, samples: Samples, system: ParametricSystem, hold: Hold) -> dict:
-    """Values by name, from positions alone."""
+    """Return values by name, from positions alone."""
     fit = batch([replace(samples, velocities=None)], Unknowns(system), hold=hold)
     return dict(zip(fit.names, fit.values.tolist(), strict=True))
 
 
 def replayed(build: Builder, samples: Samples, system: ParametricSystem, hold: Hold) -> dict:
-    """Estimates by name after the last sample, from zero."""
+    """Return estimates by name after the last sample, started from zero."""
     built = build(system, hold)
     last = built.replay(built.init(), built.pack(samples)).coefficients[-1]
     return dict(zip(system.coefficients, last.tolist(), strict=True))

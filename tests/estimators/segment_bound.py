@@ -11,7 +11,7 @@ from flexid.simulation.free_run import free_run
 
 
 def run(values: Sequence[float], state: np.ndarray, part: slice) -> np.ndarray:
-    """Positions of link and motor along a segment, one after the other."""
+    """Return positions of link and motor along a segment, one after the other."""
     time, _ = clean_motion()
     joint = flexible_joint()
     coefficients = dict(zip(joint.coefficients, values, strict=True))
@@ -20,7 +20,7 @@ def run(values: Sequence[float], state: np.ndarray, part: slice) -> np.ndarray:
 
 
 def segment_derivatives(part: slice) -> np.ndarray:
-    """Derivatives of `run` at the truth: by the initial state, then by the coefficients."""
+    """Return derivatives of `run` at the truth by the initial state, then by the coefficients."""
     _, states = clean_motion()
     unknowns = np.concatenate((states[part.start], VALUES))
     columns = []
@@ -34,10 +34,10 @@ def segment_derivatives(part: slice) -> np.ndarray:
 
 
 def cramer_rao_bound(n_segments: int) -> np.ndarray:
-    """Least standard deviation of each coefficient, positions in white noise, shape (5,).
+    """Return the least standard error of each coefficient for white noise, shape (5,).
 
-    The initial state of every segment is unknown too: each column of the coefficients counts only
-    with what the columns of the initial state cannot explain.
+    The initial state of every segment is unknown too. Each column of the coefficients counts only
+    with its part orthogonal to the columns of the initial state.
     """
     time, _ = clean_motion()
     edges = np.linspace(0, len(time), n_segments + 1).round().astype(int)

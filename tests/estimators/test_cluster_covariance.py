@@ -1,4 +1,4 @@
-"""Covariances from blocks: unbiased, with their degrees of freedom, drawn towards white noise's."""
+"""Covariances from blocks: unbiased, with degrees of freedom, and shrunken to white noise's."""
 
 import numpy as np
 import pytest
@@ -26,14 +26,14 @@ OWN, COMMON = 2, 3
 
 
 def derivatives(seed: int = 0) -> list[np.ndarray]:
-    """Derivatives block by block, of very different sizes: two unknowns own, three common."""
+    """Return derivatives by block, of different sizes: two own unknowns, three common ones."""
     generator = np.random.default_rng(seed)
     sizes = np.array([1.0, 30.0, 1e-3, 5.0, 1e4])
     return [sizes * generator.normal(0.0, 1.0 + b, (n, 5)) for b, n in enumerate(LENGTHS)]
 
 
 def dense(blocks: list[np.ndarray]) -> np.ndarray:
-    """The same as one problem: own columns of the first segment, of the second, then common."""
+    """Return the dense problem: own columns of the first and second segment, then common ones."""
     rows = []
     for segment, block in zip(SEGMENTS, blocks, strict=True):
         own = np.zeros((len(block), 2 * OWN))
@@ -43,7 +43,7 @@ def dense(blocks: list[np.ndarray]) -> np.ndarray:
 
 
 def clusters(blocks: list[np.ndarray], residuals: np.ndarray) -> Clusters:
-    """Return the problem block by block; the residuals are orthogonal to the derivatives."""
+    """Return the problem by blocks, with residuals orthogonal to the derivatives."""
     whole = dense(blocks)
     scale = np.linalg.norm(whole, axis=0)
     inverse = np.linalg.inv((whole / scale).T @ (whole / scale)) / np.outer(scale, scale)
@@ -57,7 +57,7 @@ def clusters(blocks: list[np.ndarray], residuals: np.ndarray) -> Clusters:
 
 
 def response(blocks: list[np.ndarray]) -> np.ndarray:
-    """Influences as linear functions of the noise, shape (common, blocks, samples)."""
+    """Return influences as linear functions of the noise, shape (common, blocks, samples)."""
     columns, _ = np.linalg.qr(dense(blocks) / np.linalg.norm(dense(blocks), axis=0))
     left = np.eye(sum(LENGTHS)) - columns @ columns.T
     return np.stack([cluster_influences(clusters(blocks, e))[0] for e in left.T], axis=2)
@@ -65,7 +65,7 @@ def response(blocks: list[np.ndarray]) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_unbiased_in_white_noise_with_satterthwaites_degrees_of_freedom(seed: int):
-    """Assert the variance of white noise in the mean, and the eigenvalues' degrees of freedom."""
+    """Assert the mean variance in white noise, and degrees of freedom from eigenvalues."""
     blocks = derivatives(seed)
     influences, problem = response(blocks), clusters(blocks, np.zeros(200))
     mean = np.sum(influences**2, axis=(1, 2))
@@ -77,21 +77,21 @@ def test_unbiased_in_white_noise_with_satterthwaites_degrees_of_freedom(seed: in
 
 
 def test_each_block_undoes_its_own_leverage():
-    """Assert by hand that a block which decides three quarters of a value counts twice."""
+    """Assert by hand that a block with a leverage of three quarters counts twice."""
     normal, scores = np.array([[[3.0]], [[1.0]]]), np.array([[0.6], [-0.6]])
     influences, _ = cluster_influences(Clusters(normal, scores, np.arange(2), np.array([[0.25]])))
     assert influences[0] == pytest.approx([0.25 * 0.6 / 0.25**0.5, -0.25 * 0.6 / 0.75**0.5])
 
 
 def test_blocks_that_fade_tell_half():
-    """Assert that weights which fall like an exponential leave half the degrees of freedom."""
+    """Assert that exponentially decaying weights halve the degrees of freedom."""
     weights = np.exp(-np.arange(2000) / 50.0)
     assert _freedom_ratio(weights, np.full(2000, 10.0)) == pytest.approx(0.5, rel=1e-3)
 
 
 @pytest.mark.parametrize("seen", [(0.0, 0.0, 5.0, 0.0), (0.0, 0.0, 0.0, 0.0)])
 def test_what_one_block_decides_is_not_shown(seen):
-    """Assert that an unknown that one block sees, or none, has no variance, and the other has."""
+    """Assert no variance of an unknown seen in one block or none, and the other's unchanged."""
     normal = np.array([np.diag([1.0, own]) for own in seen])
     scores = np.array([[0.5, 0.0], [-1.0, 0.0], [0.2, 0.0], [0.3, 0.0]])
     known = 1.0 / sum(seen) if any(seen) else 0.0
@@ -102,7 +102,7 @@ def test_what_one_block_decides_is_not_shown(seen):
 
 
 def test_segments_may_be_taken_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch):
-    """Assert that seven segments of two blocks are as they are together."""
+    """Assert that seven segments of two blocks give the same in parts as together."""
     blocks = np.random.default_rng(9).standard_normal((14, 10, 3))
     normal, scores = blocks.transpose(0, 2, 1) @ blocks, blocks.sum(axis=1)
     problem = Clusters(normal, scores, np.repeat(np.arange(7), 2), 1e-3 * np.eye(2))
@@ -114,7 +114,7 @@ def test_segments_may_be_taken_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch):
 
 @pytest.mark.parametrize(("shown", "factor"), [(0.19, 0.0), (0.21, (4.0 / 0.21) ** 0.5)])
 def test_what_the_blocks_hardly_show_is_not_shown(shown: float, factor: float):
-    """Assert that below a twentieth of a variance nothing is said, and beyond it all of it."""
+    """Assert that a share of variance below a twentieth is dropped, and above it kept."""
     influences, squares, across = np.array([[1.0, -2.0]]), np.array([0.5]), np.array([0.1])
     inverse, gram = np.array([[4.0]]), np.array([[[0.05]]])
     found, freedom = unbiased(influences, inverse, np.array([shown]), squares, across, gram)
@@ -123,7 +123,7 @@ def test_what_the_blocks_hardly_show_is_not_shown(shown: float, factor: float):
 
 
 def test_a_root_leaves_out_what_is_zero_but_for_rounding():
-    """Assert that a covariance of rank one has a root of rank one, and what undoes it."""
+    """Assert that a covariance of rank one has a root of rank one, with its pseudo-inverse."""
     covariance = np.array([[1.0, 1.0 - 1e-14], [1.0 - 1e-14, 1.0]])
     root, undone = covariance_root(covariance)
     assert root @ root.T == pytest.approx(covariance)
@@ -134,7 +134,7 @@ JOINT = flexible_joint()
 
 
 def test_coverage_on_the_noisy_joint():
-    """Assert that nominal 95 % intervals hold the truth in 90 to 99 % of 250 cases.
+    """Assert that nominal 95 % intervals contain the truth in 90 to 99 % of 250 cases.
 
     Fifty seeds, five coefficients: were the cases independent, the standard error would be 1.4 %.
     """
@@ -143,10 +143,10 @@ def test_coverage_on_the_noisy_joint():
 
 
 def test_rows_share_the_noise_of_the_positions():
-    """Assert that the correlation between rows is foretold, as physical parameters need it.
+    """Assert the correlation between rows, which share the noise of positions.
 
-    Over 40 seeds theta1 and beta1 correlate by about -0.8; taken for independent, they would make
-    the interval of the gravity torque 1.7 times too wide.
+    Over 40 seeds theta1 and beta1 correlate by about -0.8. Without it the interval of the gravity
+    torque would be 1.7 times too wide.
     """
     fits = [filtered_least_squares([joint_samples(seed)], JOINT) for seed in range(40)]
     pair = [fits[0].names.index(name) for name in ("theta1", "beta1")]
@@ -164,7 +164,7 @@ def test_rows_share_the_noise_of_the_positions():
     ids=["a second", "shorter for short records", "ten time constants", "of each recording"],
 )
 def test_blocks_cover_the_recordings(lengths, rate, count):
-    """Assert how long blocks are, and that none crosses from one recording to the next."""
+    """Assert the lengths of blocks, and that no block crosses from one recording to the next."""
     blocks = block_lengths(lengths, [1e-3] * len(lengths), rate, 3)
     assert len(blocks) == count
     assert {*np.cumsum(lengths).tolist()} <= {*np.cumsum(blocks).tolist()}
@@ -184,7 +184,7 @@ def test_what_says_nothing():
 
 
 def test_a_row_that_lacks_blocks_leaves_the_next_as_it_is():
-    """Assert that two blocks tell nothing of two coefficients, and of one what they tell alone."""
+    """Assert that two blocks cannot judge two coefficients, but judge one as if it were alone."""
     generator = np.random.default_rng(4)
     regressors, noise = generator.normal(size=(2, 2, 2, 50)), generator.normal(size=(2, 2, 50))
     matrices = regressors @ regressors.swapaxes(2, 3)
@@ -222,10 +222,10 @@ WHITE = MIXED @ MIXED.T
     ],
 )
 def test_noise_is_covered(variances, blocks, least):
-    """Assert that intervals hold 95 %, and that a noise of few directions is not shared out.
+    """Assert a coverage of 95 %, also if the noise has few directions.
 
-    The factor's floor, which acts where the noise is the sensors' alone, adds a little. What the
-    blocks show has the variances in six directions.
+    The factor's floor acts where sensor noise is the only noise, and adds a little. Block scores
+    have the given variances in six directions.
     """
     rng = np.random.default_rng(11)
     held, widths = [], []
@@ -244,7 +244,7 @@ def test_noise_is_covered(variances, blocks, least):
 
 
 def test_published_formula():
-    """Assert values by hand: traces 4 and 10 of two directions, and an infinite variance."""
+    """Assert values by hand for traces 4 and 10 of two directions, and an infinite variance."""
     spread, white = np.diag([3.0, np.inf, 1.0]), np.diag([1.0, 5.0, 1.0])
     covariance, freedom = shrunken(spread, white, np.array([10.0, 0.0, 10.0]))
     assert np.isinf(covariance[1, 1])
@@ -255,7 +255,7 @@ def test_published_formula():
 
 
 def test_nothing_is_surer_than_the_sensors():
-    """Assert that blocks which agree by chance leave what white noise makes."""
+    """Assert that blocks with less scatter than white noise get the covariance of white noise."""
     covariance, _ = shrunken(0.1 * WHITE, WHITE, np.full(6, 12.0))
     assert covariance == pytest.approx(WHITE)
     one, freedom = shrunken(np.array([[0.1]]), np.array([[2.0]]), np.array([7.0]))

@@ -1,4 +1,4 @@
-"""What every estimator must do, whichever it is: in batch, and sample by sample."""
+"""Requirements of every estimator, in batch and sample by sample."""
 
 from dataclasses import replace
 
@@ -42,7 +42,7 @@ MODEL = oscillator()
 )
 @pytest.mark.parametrize("hold", ["zero", "linear"])
 def test_clean_data_give_the_truth(estimate: Estimator, hold: Hold, known: float | None):
-    """Assert that exciting data give the truth, whether or not the input's gain is known."""
+    """Assert that informative data give the true values, with a known or unknown gain."""
     system = oscillator(known=known)
     expected = {name: TRUE[name] for name in system.coefficients}
     found = estimate(oscillation(80.0, hold), system, hold)
@@ -52,7 +52,7 @@ def test_clean_data_give_the_truth(estimate: Estimator, hold: Hold, known: float
 @pytest.mark.thorough
 @every
 def test_same_bits_in_any_order_of_coefficients(estimate: Estimator):
-    """Assert that an estimator is deterministic, leaves the record alone, and knows no order."""
+    """Assert that estimators are deterministic, keep their data, and ignore the order of names."""
     samples = oscillation(20.0)
     before = [samples.positions.copy(), samples.inputs.copy()]
     values = estimate(samples, MODEL, "linear")
@@ -66,14 +66,14 @@ def test_same_bits_in_any_order_of_coefficients(estimate: Estimator):
 @every
 @pytest.mark.parametrize("level", [0.0, 0.3])
 def test_no_divergence_at_rest(estimate: Estimator, level: float):
-    """Assert that a mass at rest, in the middle or aside, gives finite and modest values."""
+    """Assert that a mass at rest, at zero or aside, gives bounded values."""
     values = estimate(at_rest(5.0, level=level), MODEL, "linear")
     assert all(abs(value) < 100.0 for value in values.values())
 
 
 @every
 def test_no_divergence_on_a_single_sine(estimate: Estimator):
-    """Assert that a motion that cannot tell spring from force gives finite values or an error."""
+    """Assert bounded values or an error for a motion that confounds spring and force."""
     time = np.arange(5000) * SAMPLE_TIME
     position = np.sin(time)[:, None]
     noise = 1e-4 * np.random.default_rng(3).standard_normal(position.shape)
@@ -81,7 +81,7 @@ def test_no_divergence_on_a_single_sine(estimate: Estimator):
     samples = Samples(position + noise, np.cos(time)[:, None], force, SAMPLE_TIME)
     try:
         values = estimate(samples, MODEL, "linear")
-    except ConvergenceError:  # no wrong number either
+    except ConvergenceError:  # an error instead of a wrong value
         return
     assert all(np.isfinite(value) and abs(value) < 1e3 for value in values.values())
 
@@ -115,7 +115,7 @@ def test_replay_is_the_step(build: Builder):
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 @pytest.mark.parametrize("place", [0, -1], ids=["position", "input"])
 def test_a_bad_sample_is_rejected(build: Builder, bad: float, place: int):
-    """Assert that a sample that is no number changes no estimate, is named, and does no harm."""
+    """Assert that a sample with NaN or infinity is rejected, flagged, and changes no estimate."""
     estimator = build(MODEL, "linear")
     samples = estimator.pack(oscillation(80.0))
     samples[[1000, 9000, 9001], place] = bad
@@ -125,14 +125,14 @@ def test_a_bad_sample_is_rejected(build: Builder, bad: float, place: int):
         assert np.array_equal(history.coefficients[n], history.coefficients[n - 1])
         assert np.isnan(history.innovations[n]).all()
     assert history.coefficients[-1] == pytest.approx([*TRUE.values()], rel=5e-4)
-    knows = not isinstance(estimator, ParametricObserver)  # whether it can know what is determined
+    knows = not isinstance(estimator, ParametricObserver)  # whether it judges what is determined
     assert history.status[-1] == (Status.USED if knows else Status.STARTING)
 
 
 @every_online
 @pytest.mark.parametrize("factor", [10.0, 0.1])
 def test_a_start_ten_times_wrong(build: Builder, factor: float):
-    """Assert that a start ten times too high or low ends right, or is not called determined."""
+    """Assert that starts ten times too large or small converge, or are not called determined."""
     estimator = build(MODEL, "linear")
     samples = estimator.pack(oscillation(60.0, noise=1e-4))
     start = {name: factor * value for name, value in TRUE.items()}
@@ -144,7 +144,7 @@ def test_a_start_ten_times_wrong(build: Builder, factor: float):
 @every_online
 @pytest.mark.parametrize("noise", [0.0, 1e-4])
 def test_rest_teaches_nothing(build: Builder, noise: float):
-    """Assert that a minute of rest moves no estimate, from the start or after a good motion."""
+    """Assert that a minute of rest changes no estimate, from the start or after a motion."""
     estimator = build(MODEL, "linear")
     history = estimator.replay(estimator.init(TRUE), estimator.pack(at_rest(60.0)))
     assert history.coefficients[-1] == pytest.approx([*TRUE.values()], rel=0.05)
@@ -163,7 +163,7 @@ PER_RUN = Unknowns(MODEL, {}, ("spring",), (0, 1))
 
 
 def covers(fit: BatchFit) -> bool:
-    """Whether every value is within five deviations of the truth, or 0.01 % of the rule's error."""
+    """Return whether all values are within five standard errors, or 0.01 % of quadrature error."""
     truth = np.array([TRUE[name] for name in fit.names])
     allowed = 5.0 * np.sqrt(np.diag(fit.covariance)) + 1e-4 * truth
     return bool(np.all(np.abs(fit.values - truth) < allowed))
@@ -171,7 +171,7 @@ def covers(fit: BatchFit) -> bool:
 
 @every_batch
 def test_right_from_positions_alone(batch: Batch):
-    """Assert that two runs give the truth within the deviations that are claimed, also in part."""
+    """Assert that two runs give the truth within standard errors, also with a fixed gain."""
     free = batch(RUNS, Unknowns(MODEL))
     assert free.names == MODEL.coefficients
     assert free.values == pytest.approx([*TRUE.values()], rel=1e-3)
@@ -180,13 +180,13 @@ def test_right_from_positions_alone(batch: Batch):
     assert covers(fixed)
     known_gain = np.diag(np.linalg.inv(fixed.information))
     assert np.all(known_gain < np.diag(np.linalg.inv(free.information))[:2])
-    # What is fixed is believed: the spring follows a wrong gain.
+    # A fixed value is taken as exact: the spring follows a wrong gain.
     assert batch(RUNS, Unknowns(MODEL, {"gain": 2.2})).values[0] > 4.1
 
 
 @every_batch
 def test_results_speak_of_what_is_sought(batch: Batch):
-    """Assert that all results have one entry for each name, and a proper covariance."""
+    """Assert that results have one entry for each unknown, and a positive definite covariance."""
     fit = batch(RUNS, Unknowns(MODEL, {"friction": 0.5}, ("spring",), (0, 1)))
     assert fit.names == ("spring[1]", "spring[2]", "gain")
     assert fit.values.shape == (3,)
@@ -200,7 +200,7 @@ def test_results_speak_of_what_is_sought(batch: Batch):
 
 @every_batch
 def test_recordings_in_any_order(batch: Batch):
-    """Assert that another order gives each group the same, and three samples change nothing."""
+    """Assert that the order of recordings does not matter, and three samples change nothing."""
     ordered = batch(RUNS, PER_RUN)
     turned = batch(RUNS[::-1], replace(PER_RUN, groups=(1, 0)))
     assert turned.values == pytest.approx(ordered.values, rel=1e-6)
@@ -212,7 +212,7 @@ def test_recordings_in_any_order(batch: Batch):
 
 @every_batch
 def test_equal_columns_are_undetermined(batch: Batch):
-    """Assert that two equal regressors get infinite variance and keep their sum."""
+    """Assert that two equal regressors have infinite variances, and that their sum is right."""
     regressors = {"spring": "-q", "friction": "-v", "a": "u", "b": "u"}
     twins = ParametricSystem("twins", (Row("mass", "q", "v", regressors),))
     fit = batch(RUNS, Unknowns(twins))

@@ -1,4 +1,4 @@
-"""Delays of torque and encoder by parts of a sample, and lines in the place of late inputs."""
+"""Fractional delays of torque and encoder, and the line segments that replace late inputs."""
 
 from collections.abc import Callable, Sequence
 
@@ -16,14 +16,14 @@ from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented
 from flexid.models.flexible_joint import flexible_joint
 from flexid.recording.recording import Hold
 
-H = 4 * SAMPLE_TIME  # s, of the logs
+H = 4 * SAMPLE_TIME  # s, duration of the logs
 NOISE = 1e-5  # rad
-INPUT_DELAY, LINK_DELAY = 1.3e-3, 2.9e-3  # s: a third of a sample, and nearly three quarters
+INPUT_DELAY, LINK_DELAY = 1.3e-3, 2.9e-3  # s: a third, and nearly three quarters of a sample
 DURATION = 10.0  # s
 
 
 def log(seed: int, input_delay: float, link_delay: float, by_deflection: bool = False) -> Samples:
-    """The joint of Table I whose torque acts, and whose link or deflection is read, late."""
+    """Return the joint of Table I with delays of the torque, and of the link or deflection."""
     at = 0.5 + H * np.arange(round(DURATION / H))
     link, motor, torque = late_motion(at, input_delay, link_delay, by_deflection)
     noise = NOISE * np.random.default_rng(seed).standard_normal((len(at), 2))
@@ -32,12 +32,12 @@ def log(seed: int, input_delay: float, link_delay: float, by_deflection: bool = 
 
 
 def problem_of(samples: Samples, timing: Timing) -> SegmentedMotion:
-    """The model beside a log, with segments that leave its ends to what is late."""
+    """Return the problem of a log, with segments that leave margins for delays."""
     return segmented_motion(flexible_joint(), divide([samples], 1.0, margin=0.03), timing)
 
 
 def fit(samples: Samples, timing: Timing, start: Sequence[float] = ()) -> PredictionErrorFit:
-    """Fit from values five per cent off and no delays."""
+    """Fit from values 5 % off and zero delays."""
     problem = problem_of(samples, timing)
     values = np.concatenate((1.05 * VALUES, start or np.zeros(len(timing.sought))))
     point = Point(values, first_states(problem.segments))
@@ -47,7 +47,7 @@ def fit(samples: Samples, timing: Timing, start: Sequence[float] = ()) -> Predic
 
 
 def assert_within(found: PredictionErrorFit, expected: Sequence[float]) -> None:
-    """Every delay within its interval at 99.9 %, which is a small part of a sample."""
+    """Assert that each delay is within its 99.9 % interval, a small fraction of a sample."""
     k = len(VALUES)
     quantile = t.ppf(0.9995, np.array(found.degrees_of_freedom[k:]))
     errors = found.values[k:] - expected
@@ -63,7 +63,7 @@ BOTH = Timing("cubic", sought=(INPUT, "link_delay"))
     [(INPUT_DELAY, LINK_DELAY), (-INPUT_DELAY, -LINK_DELAY), (3.4 * H, 2.6 * H), (0.0, 0.0)],
 )
 def test_both_delays_are_found(input_delay, link_delay):
-    """Assert that parts of a sample, several samples of either sign, and none are found."""
+    """Assert delays of fractions of a sample, several samples of either sign, and zero."""
     found = fit(log(1, input_delay, link_delay), BOTH)
     assert found.names[-2:] == (INPUT, "link_delay")
     assert_within(found, [input_delay, link_delay])
@@ -71,7 +71,7 @@ def test_both_delays_are_found(input_delay, link_delay):
 
 
 def test_delay_of_the_deflection_is_found():
-    """Assert that of a deflection that was measured the deflection alone is late."""
+    """Assert that a delay of a measured deflection applies to the deflection alone."""
     timing = Timing("cubic", sought=(INPUT, "link_delay"), relative_to={"link": "motor"})
     samples = log(2, INPUT_DELAY, LINK_DELAY, by_deflection=True)
     assert_within(fit(samples, timing), [INPUT_DELAY, LINK_DELAY])
@@ -83,8 +83,8 @@ def test_delay_of_the_deflection_is_found():
 def test_gradient_by_the_delays(relative_to):
     """Assert that the right-hand side is minus half the slope of the sum of squares.
 
-    The rate of what was measured is taken to be the model's, which has no noise: they differ by
-    what is missing of the delay times the acceleration, at the resonance by 20 rad/s times 1 ms.
+    The rate of the measured position is taken from the model, which has no noise. Both differ by
+    the remaining delay times the acceleration, at the resonance by 20 rad/s times 1 ms.
     """
     timing = Timing("cubic", sought=(INPUT, "link_delay", "motor_delay"), relative_to=relative_to)
     problem = problem_of(log(6, 0.0, 0.0), timing)
@@ -106,7 +106,7 @@ Function = Callable[[np.ndarray], np.ndarray]
 
 
 def reconstruction(hold: Hold, samples: np.ndarray, h: float) -> Function:
-    """The input between and beyond its samples, by other means than a kernel."""
+    """Return the input between and beyond its samples, without the kernel."""
     n, spare = len(samples), 30
     padded = np.pad(samples, spare, mode="edge")
     time = h * np.arange(-spare, n + spare)
@@ -118,7 +118,7 @@ def reconstruction(hold: Hold, samples: np.ndarray, h: float) -> Function:
 
 
 def mean_and_moment(function: Function, first: float, h: float, late: float) -> tuple:
-    """Mean and first moment over [first, first + h] of a function that acts late, by quadrature."""
+    """Return mean and first moment over [first, first + h] of a delayed function, by quadrature."""
     corner = first + late % h
     nodes, weights = np.polynomial.legendre.leggauss(6)
     mean = moment = 0.0
@@ -133,7 +133,7 @@ def mean_and_moment(function: Function, first: float, h: float, late: float) -> 
 @pytest.mark.parametrize("delay", DELAYS)
 @pytest.mark.parametrize("hold", ["zero", "linear", "cubic"])
 def test_lines_have_the_mean_and_the_moment_of_the_input(hold, delay):
-    """Assert that lines have mean and moment of the late input, and derivatives by the delay."""
+    """Assert mean and moment of the delayed input, and derivatives by the delay."""
     found, high, low = (
         held_input(SAMPLES[:, None], STEP, hold, delay + step)[:, 0] for step in (0.0, 1e-7, -1e-7)
     )
@@ -149,7 +149,7 @@ def test_lines_have_the_mean_and_the_moment_of_the_input(hold, delay):
 
 @pytest.mark.parametrize("delay", [1e300, -1e300, np.inf, 1e9])
 def test_any_delay_is_one(delay: float):
-    """Assert that a delay beyond all samples leaves the first or the last one, as corners fade."""
+    """Assert that a delay beyond all samples gives the first or last one, with vanishing slopes."""
     line = held_input(SAMPLES[:, None], STEP, "cubic", delay)
     last = SAMPLES[-1] if delay < 0.0 else SAMPLES[0]
     np.testing.assert_allclose(line[:, 0, 0], last, rtol=1e-3)

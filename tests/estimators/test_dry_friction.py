@@ -1,4 +1,4 @@
-"""Dry friction, play and memory, against closed forms, another integrator and SciPy."""
+"""Dry friction, play and hysteresis, against closed forms, another integrator and SciPy."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -30,10 +30,10 @@ JOINT = with_dry_friction(
 def off_at(
     problem: SegmentedMotion, point: Point, sample: int, output: int = 0
 ) -> tuple[SegmentedMotion, FloatArray]:
-    """The problem with one measured number off by one, and the derivatives of that number.
+    """Return the problem with one measured value shifted by one, and derivatives of that value.
 
-    They are by the initial state, then by what is sought: a residual of one there and of none
-    elsewhere leaves its own row in the right-hand side.
+    The derivatives are by the initial state, then by the unknowns. With a single residual of one,
+    the right-hand side is the row of that residual.
     """
     outputs = motion(problem, point).copy()
     outputs[sample, output] += 1.0
@@ -42,7 +42,7 @@ def off_at(
 
 
 def reversed_motion(t: FloatArray, x0: complex, v0: complex, c: complex, g: complex) -> FloatArray:
-    """A block that a constant pull of 3 g, greater than friction, turns back."""
+    """Return a block that a constant pull of 3 g, greater than friction, reverses."""
     turn = v0 / (3.0 * g + c)
     after = x0 + 0.5 * v0 * turn - 0.5 * (3.0 * g - c) * (t - turn) ** 2
     return np.where(t < turn.real, x0 + v0 * t - 0.5 * (3.0 * g + c) * t**2, after)
@@ -50,7 +50,7 @@ def reversed_motion(t: FloatArray, x0: complex, v0: complex, c: complex, g: comp
 
 TIME = 0.01 * np.arange(100)
 SLIDING = np.minimum(TIME, 1.0 / 2.1)  # until friction stops it
-LET_GO = np.maximum(TIME - 0.707 / 2.0, 0.0)  # since a growing force overcame it
+LET_GO = np.maximum(TIME - 0.707 / 2.0, 0.0)  # after a growing force exceeds friction
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -65,7 +65,7 @@ LET_GO = np.maximum(TIME - 0.707 / 2.0, 0.0)  # since a growing force overcame i
     ids=["slides to rest", "turns back", "is let go at the instant", "moves at once"],
 )
 def test_a_block_moves_as_its_closed_form(side, force, friction, speed, expected):
-    """Assert parabolas and cubics that begin and end where friction says, to either side."""
+    """Assert parabolas and cubics between instants of stick and slip, in both directions."""
     problem = problem_of(BLOCK, side * force, 0.01)
     found = motion(problem, point_of([friction, 1.0], 0.3, side * speed))[:, 0]
     assert found == pytest.approx(0.3 + side * expected, abs=1e-10)
@@ -75,7 +75,7 @@ def test_a_block_moves_as_its_closed_form(side, force, friction, speed, expected
 
 @pytest.mark.parametrize("force", [0.99 * np.sin(20.0 * TIME), np.full(100, -0.99)])
 def test_block_sticks_for_ever(force):
-    """Assert that a force below friction moves nothing, not by one bit."""
+    """Assert that a force below friction moves nothing, to the bit."""
     found = motion(problem_of(BLOCK, force, 0.01), point_of([1.0, 1.0], 0.2, 0.0))
     assert np.all(found == 0.2)
 
@@ -83,7 +83,7 @@ def test_block_sticks_for_ever(force):
 @pytest.mark.parametrize(("samples", "slides"), [(2.9, False), (3.1, True)])
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_block_that_stops_at_once_sticks(side, samples, slides):
-    """Assert that a first speed that three samples use up is none, and leaves no derivative."""
+    """Assert that an initial speed lost within three samples counts as rest, with no derivative."""
     problem = problem_of(BLOCK, 0.0 * TIME, 0.01)
     point = point_of([2.0, 1.0], 0.3, side * 2.0 * 0.01 * samples)
     travelled = motion(problem, point)[-1, 0] - 0.3
@@ -94,7 +94,7 @@ def test_block_that_stops_at_once_sticks(side, samples, slides):
 
 @pytest.mark.parametrize(("pull", "grazes"), [(0.65, False), (0.5005, True)])
 def test_derivatives_stay_bounded_where_a_friction_that_drives_is_hardly_overcome(pull, grazes):
-    """Assert that they are exact to a tenth of the jump of acceleration, and no larger beyond."""
+    """Assert exact derivatives down to a tenth of the jump of acceleration, bounded ones below."""
     problem = problem_of(BLOCK, np.full(100, -pull), 0.01)
     _, found = off_at(problem, point_of([-0.5, 1.0], 0.0, 1e-4), 99)
     values = np.array([0.0, 1e-4, -0.5, pull / 3.0])
@@ -102,12 +102,12 @@ def test_derivatives_stay_bounded_where_a_friction_that_drives_is_hardly_overcom
     assert abs(exact) > 5.0
     if grazes:
         assert abs(exact) > 500.0
-        assert abs(found[1]) < 11.0  # (jump + a tenth of it) / (a tenth of it), for a second
+        assert abs(found[1]) < 11.0  # (jump + a tenth) / (a tenth), for one second
     else:
         assert found[1] == pytest.approx(exact, rel=1e-6)
 
 
-KNOTS = 0.4  # s between corners of the torque on the joint
+KNOTS = 0.4  # s between knots of the torque on the joint
 CORNERS = np.array([0.0, 14.0, -9.0, -9.0, 17.0, 3.0, -16.0, 0.0, 0.0])  # N m
 VALUES = {
     "theta1": 5.0,
@@ -123,7 +123,7 @@ DURATION = KNOTS * (len(CORNERS) - 1)
 
 @pytest.fixture(scope="module")
 def stick_slip():
-    """Times and states of the joint under corners of torque, by the integrator of the trials."""
+    """Return times and states under a piecewise linear torque, by the integrator of the trials."""
     times = 0.002 * np.arange(round(DURATION / 0.002) + 1)
     fine = 1e-5 * np.arange(round(DURATION / 1e-5) + 1)
     torque = Smooth(np.interp(fine, KNOTS * np.arange(len(CORNERS)), CORNERS), 0.0, 1e-5)
@@ -143,7 +143,7 @@ def stick_slip():
 
 
 def joint_problem(times: FloatArray, substeps: int) -> SegmentedMotion:
-    """The joint under that torque, on straight lines between samples."""
+    """Return the joint under that torque, linear between samples."""
     torque = np.interp(times, KNOTS * np.arange(len(CORNERS)), CORNERS)
     return problem_of(JOINT, torque, float(times[1]), substeps=substeps)
 
@@ -160,7 +160,7 @@ def test_joint_has_right_derivatives(stick_slip):
 
 
 def test_joint_sticks_and_slips(stick_slip):
-    """Assert that two dry frictions act as another integrator says, to fourth order in the step."""
+    """Assert that two dry frictions agree with another integrator, to fourth order in the step."""
     times, states = stick_slip
     modes = np.sign(states[:, [1, 3]])
     before, after = (side[modes[:-1] != modes[1:]] != 0.0 for side in (modes[:-1], modes[1:]))
@@ -178,10 +178,10 @@ def test_joint_sticks_and_slips(stick_slip):
 
 
 def test_a_held_input_lets_go_between_its_samples():
-    """Assert that a side slips where its load exceeds friction only after each jump of the input.
+    """Assert that a side slips if its load exceeds friction only just after a jump of the input.
 
-    The link draws the spring out of the way within every interval, so that at its end friction
-    holds again. Steps forty times as short see the same, and the side has moved by then.
+    The link relaxes the spring within every interval, so that friction holds again at its end.
+    Steps forty times as short give the same, and the side has moved by then.
     """
     values = {"theta2": 1.0, "alpha1": 12000.0, "alpha_coulomb": 10.0}
     h, speed = 6e-4, -0.15
@@ -218,7 +218,7 @@ AT = point_of(SPRUNG, *STATE)
 
 @pytest.fixture(scope="module")
 def exact() -> np.ndarray:
-    """The motion by SciPy, in steps that end at the samples, where the force has corners too."""
+    """Return SciPy's motion, in steps that end at the samples, where the force has corners."""
 
     def rates(t, x):
         beyond = x[0] - np.clip(x[0], -HALF_GAP, HALF_GAP)
@@ -231,8 +231,8 @@ def exact() -> np.ndarray:
 
 
 def test_order_of_the_steps(exact):
-    """Assert that the error falls with the fourth power of the step, corners or not."""
-    beyond = np.abs(exact) > HALF_GAP  # it goes to and fro, mostly within two samples
+    """Assert that the error falls with the fourth power of the step, with or without corners."""
+    beyond = np.abs(exact) > HALF_GAP  # moves back and forth, mostly within two samples
     assert np.count_nonzero(np.diff(np.sign(exact[beyond]))) > 5
     errors = [
         np.abs(motion(problem_of(PLAY, FORCE, H, substeps=n), AT)[:, 0] - exact).max()
@@ -255,7 +255,7 @@ GRIPPED = point_of([4.0, 0.8, 1.0, 12.0], 0.3, -0.5, 0.2)
 
 
 def test_a_spring_remembers_as_scipy_says():
-    """Assert that the motion obeys h' = s (v - |v| h) beside the mass's own equation."""
+    """Assert that the motion obeys h' = s (v - |v| h) and the mass's own equation."""
     spring, friction, gain, grip = GRIPPED.values
 
     def rates(t, x):
@@ -266,7 +266,7 @@ def test_a_spring_remembers_as_scipy_says():
     tight: Any = {"rtol": 1e-9, "atol": 1e-11, "max_step": FINE}
     exact = solve_ivp(rates, (0.0, LONG[-1]), GRIPPED.initial_states[0], t_eval=LONG, **tight)
     found = motion(problem_of(REMEMBERING, LASTING, FINE), GRIPPED)[:, 0]
-    # A step in which the path turns sees its ends alone: an error of the order of h² there.
+    # A step with a reversal uses its ends only: an error of order h².
     assert found == pytest.approx(exact.y[0], abs=3e-4)
 
 
@@ -281,7 +281,7 @@ def test_a_spring_remembers_as_scipy_says():
 def test_gradient_is_that_of_the_sum_of_squares(
     posed: Callable[[], SegmentedMotion], at: Point, accuracy: float
 ):
-    """Assert that the derivatives go through corners unchanged, as differences say."""
+    """Assert derivatives across corners by differences."""
     problem = posed()
     moved = motion(problem, at)
     bent = 0.01 * np.cos(3.0 * problem.segments.sample_times[0] * np.arange(len(moved)))
@@ -293,6 +293,6 @@ def test_gradient_is_that_of_the_sum_of_squares(
 
 
 def test_a_mass_may_rest_at_a_corner():
-    """Assert that a mass which lies where the spring begins to act stays there."""
+    """Assert that a mass at rest where the spring begins to act stays there."""
     found = motion(problem_of(PLAY, 0.0 * FORCE, H), point_of(SPRUNG, HALF_GAP, 0.0))
     assert found == pytest.approx(HALF_GAP, abs=1e-12)

@@ -1,4 +1,4 @@
-"""Excitation measured, and what positions tell about the coefficients."""
+"""Excitation of regressors, and the information that positions contain on coefficients."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from flexid.models.parametric_system import ParametricSystem, Row
 
 T = np.linspace(0, 10, 1001)
 TWO = np.array([[1.0, 0.6], [0.0, 0.8]])
-MEASURED = {  # regressors in columns, and what is measured of them
+MEASURED = {  # regressors in columns, and their excitation
     "two of three dependent": (
         np.column_stack([np.sin(T), 3 * np.sin(T), np.cos(T)]),
         {"confounded": ("a", "b"), "correlated": ("a", "b"), "correlation": 1.0},
@@ -50,7 +50,7 @@ H, N, NOISE = 0.01, 400, 1e-3
 
 
 def information(system, values, force, duration, start):
-    """Information of a system, held force, over segments of a duration from one state."""
+    """Return the information of a system over segments, with a held force and one initial state."""
     segments = divide([Samples(np.zeros((N, 1)), None, force[:, None], H)], duration)
     point = Point(np.array(values), np.tile(start, (len(segments), 1)))
     problem = segmented_motion(system, segments, Timing("zero"))
@@ -58,7 +58,7 @@ def information(system, values, force, duration, start):
 
 
 def test_closed_form_of_a_cart():
-    """Assert that the bound is that of a linear regression with free start and speed."""
+    """Assert the bound of a linear regression with unknown initial position and speed."""
     force = np.random.default_rng(3).standard_normal(N)
     t = H * np.arange(N)
     velocity = np.concatenate(([0.0], H * np.cumsum(force[:-1])))
@@ -71,7 +71,7 @@ def test_closed_form_of_a_cart():
 
 
 def test_a_motion_that_runs_away():
-    """Assert that a diverging model is an error, not a number."""
+    """Assert that a diverging model raises an error."""
     runaway = ParametricSystem("runaway", (Row("arm", "q", "v", {"a": "q"}),))
     with pytest.raises(SimulationError, match="diverges"):
         information(runaway, [1e4], np.zeros(N), 4.0, np.ones(2))
@@ -92,6 +92,6 @@ RIPPLE = 1 + 0.3 * np.sin(2 * np.pi * LONG)
     ids=["rippled within the window", "ends in the integrator's noise", "slowest", "two windows"],
 )
 def test_decay_rate_of_an_exponential(errors, window, floor, rate):
-    """Assert that the rate of the slowest exponential above the floor is found."""
+    """Assert the rate of the slowest exponential above the floor."""
     found = decay_rate(LONG[: len(errors)], errors, window, floor)
     assert found == pytest.approx(rate, rel=1e-3, nan_ok=True)

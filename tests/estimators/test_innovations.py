@@ -1,4 +1,4 @@
-"""Innovations of a linear joint under disturbances, against the filter of the textbook."""
+"""Innovations of a linear joint under disturbances, against a textbook Kalman filter."""
 
 from dataclasses import dataclass, replace
 from functools import cache
@@ -40,7 +40,7 @@ RATES = np.array([8.0, 12.0])  # 1/s
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """z(k+1) = step z(k) + push u(k) + white noise; y = sees z + white noise."""
+    """Sampled system z(k+1) = step z(k) + push u(k) + white noise; y = sees z + white noise."""
 
     step: np.ndarray
     push: np.ndarray
@@ -50,7 +50,7 @@ class Sampled:
 
 
 def jacobian(values: np.ndarray = VALUES) -> np.ndarray:
-    """Derivatives of the rates of x1 to x4 by these."""
+    """Return the derivatives of the rates of x1 to x4 by x1 to x4."""
     theta2, alpha1, alpha2, _ = values
     return np.array(
         [
@@ -63,7 +63,7 @@ def jacobian(values: np.ndarray = VALUES) -> np.ndarray:
 
 
 def sampled(values: np.ndarray = VALUES) -> Sampled:
-    """Positions, velocities and disturbances from sample to sample, torque and those held."""
+    """Return the sampled joint with disturbances; torque and disturbances are held."""
     whole = np.zeros((7, 7))
     whole[:4, :4] = jacobian(values)
     whole[1, 4] = whole[3, 5] = 1.0
@@ -80,13 +80,13 @@ def sampled(values: np.ndarray = VALUES) -> Sampled:
 
 
 def riccati(system: Sampled) -> np.ndarray:
-    """Steady covariance of a predicted state, by SciPy."""
+    """Return the steady covariance of the predicted state, by SciPy."""
     found = solve_discrete_are(system.step.T, system.sees.T, system.noise, system.sensors)
     return np.asarray(found)
 
 
 def kalman_gain(values: np.ndarray = VALUES) -> np.ndarray:
-    """Of a steady filter, shape (6, 2): positions, velocities and disturbances."""
+    """Return the steady gain, shape (6, 2), of positions, velocities and disturbances."""
     system = sampled(values)
     covariance = riccati(system)
     spread = system.sees @ covariance @ system.sees.T + system.sensors
@@ -94,7 +94,7 @@ def kalman_gain(values: np.ndarray = VALUES) -> np.ndarray:
 
 
 def innovations(samples: Samples, values: np.ndarray = VALUES) -> np.ndarray:
-    """What a steady Kalman filter that starts at rest does not foresee, shape (n, 2)."""
+    """Return the innovations of a steady Kalman filter that starts at rest, shape (n, 2)."""
     system, gain = sampled(values), kalman_gain(values)
     state, found = np.zeros(6), []
     for position, torque in zip(samples.positions, samples.inputs[:, 0], strict=True):
@@ -105,7 +105,7 @@ def innovations(samples: Samples, values: np.ndarray = VALUES) -> np.ndarray:
 
 
 def disturbed_samples(seed: int, n: int = 600) -> Samples:
-    """A log from rest under a random torque."""
+    """Return a log from rest under a random torque."""
     rng = np.random.default_rng(seed)
     system = sampled()
     torque = np.repeat(rng.normal(0.0, 6.0, n // 5 + 1), 5)[:n]
@@ -124,7 +124,7 @@ SLOWEST = 3.0  # 1/s
 
 
 def motion(samples: Samples) -> SegmentedMotion:
-    """A log as one segment, in steps whose error is far below the noise."""
+    """Return a log as one segment, with steps whose error is far below the noise."""
     segments = divide([samples], len(samples) * SAMPLE_TIME)
     joint = flexible_joint()
     unknowns = Unknowns(joint, fixed={"theta1": 0.0})
@@ -134,7 +134,7 @@ def motion(samples: Samples) -> SegmentedMotion:
 
 
 def observed(samples: Samples) -> SegmentedMotion:
-    """The same with the gains for the truth."""
+    """Return the segment with an observer whose gains are for the true values."""
     problem = motion(samples)
     gains = steady_gains(problem, transition_of(jacobian(), SAMPLE_TIME), SAMPLE_TIME, SIZES)
     own, disturbed, decay, whitening = (each[None] for each in gains[:4])
@@ -144,7 +144,7 @@ def observed(samples: Samples) -> SegmentedMotion:
 
 
 def still(samples: Samples) -> np.ndarray:
-    """Directions of a friction that does not act."""
+    """Return directions of motion of zero, for joints without dry friction."""
     return np.zeros((len(samples), 2))
 
 
@@ -152,7 +152,7 @@ AT_REST = Point(VALUES, np.zeros((1, 4)))
 
 
 def test_steady_covariance_is_that_of_the_riccati_equation():
-    """Assert that doubling the time ends where SciPy solves the equation of the linear motion."""
+    """Assert that the doubling algorithm converges to SciPy's solution for the linear motion."""
     assert motion(disturbed_samples(1)).linearised(AT_REST, 0) == pytest.approx(
         jacobian(), rel=1e-12
     )
@@ -164,16 +164,16 @@ def test_steady_covariance_is_that_of_the_riccati_equation():
 
 
 def apart(problem: SegmentedMotion, samples: Samples) -> float:
-    """Largest difference from a filter of the exactly sampled joint, over their size."""
+    """Return the largest difference from the exact filter, over the size of innovations."""
     found = problem.equations(AT_REST, "nothing").residuals
     expected = innovations(samples)
     size = float(np.sqrt(np.mean(expected**2)))
-    assert size > 1.5 * NOISE.max()  # disturbances act
+    assert size > 1.5 * NOISE.max()  # disturbances matter
     return float(np.abs(found - expected).max()) / size
 
 
 def test_kernel_is_a_kalman_filter():
-    """Assert that the kernel, by Kalman's gains or its own, foresees what the exact filter does."""
+    """Assert that the kernel equals the exact filter, with its own gains or Kalman's."""
     samples = disturbed_samples(2)
     problem = observed(samples)
     assert problem.observer is not None
@@ -185,9 +185,9 @@ def test_kernel_is_a_kalman_filter():
 
 
 def test_whitened_innovations_are_white():
-    """Assert unit variance and no correlation of neighbours, both outputs together.
+    """Assert unit variance and no correlation of neighbours for both outputs together.
 
-    Of 2 · 3000 numbers the mean square has a standard error of 1.8 %, the correlation 1.3 %.
+    For 2 · 3000 numbers the mean square has a standard error of 1.8 %, the correlation 1.3 %.
     """
     samples = disturbed_samples(3, 3000)
     problem = observed(samples)
@@ -199,14 +199,14 @@ def test_whitened_innovations_are_white():
 
 
 def resting(samples: Samples) -> np.ndarray:
-    """Directions of which the motor's are unknown for a while, twice."""
+    """Return directions with the motor at rest twice."""
     found = still(samples)
     found[200:260, 1] = found[400:401, 1] = RESTING
     return found
 
 
 def both_resting(samples: Samples) -> np.ndarray:
-    """The same, and those of the link, whose position is late, for another while."""
+    """Return directions with the motor at rest twice, and the link once."""
     found = resting(samples)
     found[300:340, 0] = RESTING
     return found
@@ -215,7 +215,7 @@ def both_resting(samples: Samples) -> np.ndarray:
 @pytest.mark.parametrize("directions", [still, resting, both_resting])
 @pytest.mark.parametrize("delays", [(), ("input_delay", "link_delay")], ids=["timely", "late"])
 def test_derivatives_are_those_of_differences(delays, directions):
-    """Assert that the right-hand side is minus half the slope of the cost, by delays as well."""
+    """Assert that the right-hand side is minus half the slope of the cost, for delays too."""
     samples = disturbed_samples(4)
     problem = observed(samples)
     assert problem.observer is not None
@@ -226,13 +226,13 @@ def test_derivatives_are_those_of_differences(delays, directions):
     equations = problem.equations(point)
     gradient = equations.gradient.sum(axis=0)
     for place, size in enumerate(np.sqrt(np.diag(equations.normal.sum(axis=0)))):
-        # Differences are good to 1e-5 of a deviation; one is what a deviation changes.
+        # Differences are exact to 1e-5 of the change by one standard deviation, which is one.
         apart = gradient[place] - fall(problem, point, place, 1e-3 / size)
         assert abs(apart) < 1e-3 * size, place
 
 
 def test_a_row_that_rests_teaches_nothing_and_follows_its_sensor():
-    """Assert that the motor's torque is of no account while it rests, and the link goes on."""
+    """Assert that the torque of a resting motor has no effect, and the link is still predicted."""
     samples = disturbed_samples(4)
     problem = observed(samples)
     assert problem.observer is not None
@@ -245,7 +245,7 @@ def test_a_row_that_rests_teaches_nothing_and_follows_its_sensor():
     np.testing.assert_allclose(found, same, rtol=0.0, atol=1e-5 * NOISE.min())
     assert not found[201:261, 1].any()
     assert found[200, 1] != 0.0 != found[261, 1]
-    # The link is foreseen from the motor's measured motion, as well as where nothing rests.
+    # The link is predicted from the motor's measured motion, as well as without rest.
     free = observed(samples).equations(AT_REST, "nothing").residuals
     assert found[201:261, 0].std() < 1.1 * free[:, 0].std()
     assert problem.degrees_of_freedom == observed(samples).degrees_of_freedom - 61
@@ -261,7 +261,7 @@ def test_a_row_that_rests_teaches_nothing_and_follows_its_sensor():
     ids=["sensors", "disturbances", "rates"],
 )
 def test_spectra_tell_what_other_sizes_cost(other: Sizes):
-    """Assert that spectra of innovations give the likelihood of other sizes to a twentieth."""
+    """Assert that spectra of innovations predict the likelihood of other sizes within 5 %."""
     samples = disturbed_samples(7, 3000)
     made = _Likelihood.of(motion(samples), AT_REST, still(samples))
     first = made.with_sizes(SIZES)
@@ -275,7 +275,7 @@ def test_spectra_tell_what_other_sizes_cost(other: Sizes):
 
 @cache
 def fitted(seed: int, *, known: bool) -> Innovations:
-    """A fit from values that are off by a tenth, sizes to begin with known or not."""
+    """Return a fit from values 10 % off, with known or unknown initial sizes."""
     samples = disturbed_samples(seed, 600 if known else 3000)
     problem = motion(samples)
     point = Point(VALUES * np.array([0.9, 1.1, 0.9, 1.1]), problem.start_states)
@@ -284,12 +284,12 @@ def fitted(seed: int, *, known: bool) -> Innovations:
 
 
 def held(found: Innovations) -> np.ndarray:
-    """Whether each 95 % interval holds the truth."""
+    """Return whether each 95 % interval contains the true value."""
     return holding(described(found.problem, found.minimum), VALUES)
 
 
 def test_sizes_and_coefficients_are_recovered():
-    """Assert that sizes are found to a factor of 1.5, none known, and coefficients to a tenth."""
+    """Assert unknown sizes within a factor of 1.5, and coefficients with small intervals."""
     found = fitted(6, known=False)
     assert np.abs(np.log(found.sizes.disturbances / DISTURBANCES)).max() < np.log(1.5)
     assert np.abs(np.log(found.sizes.sensors / NOISE)).max() < np.log(1.5)
@@ -299,7 +299,7 @@ def test_sizes_and_coefficients_are_recovered():
 
 
 def test_coverage():
-    """Assert that nominal 95 % intervals hold the truth in 88 to 100 % of 160 cases.
+    """Assert that nominal 95 % intervals contain the truth in 88 to 100 % of 160 cases.
 
     Forty seeds, four coefficients: were the cases independent, the standard error would be 1.7 %.
     """

@@ -1,4 +1,4 @@
-"""Normal equations against those of the whole, and when Gauss-Newton's steps end."""
+"""Block normal equations against the dense problem, and the end of Gauss-Newton's steps."""
 
 from dataclasses import dataclass, field
 from types import SimpleNamespace
@@ -16,7 +16,7 @@ N_SEGMENTS, N_STATES, N_COEFFICIENTS = 5, 4, 3
 
 
 def random_problem(seed: int = 2) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Derivatives and residuals of every segment."""
+    """Return derivatives and residuals of every segment."""
     generator = np.random.default_rng(seed)
     size = N_STATES + N_COEFFICIENTS
     derivatives = [generator.standard_normal((30, size)) for _ in range(N_SEGMENTS)]
@@ -25,7 +25,7 @@ def random_problem(seed: int = 2) -> tuple[list[np.ndarray], list[np.ndarray]]:
 
 
 def blockwise(derivatives, residuals):
-    """Normal matrices and right-hand sides, segment by segment."""
+    """Return normal matrices and right-hand sides by segment."""
     return (
         np.array([d.T @ d for d in derivatives]),
         np.array([d.T @ r for d, r in zip(derivatives, residuals, strict=True)]),
@@ -33,7 +33,7 @@ def blockwise(derivatives, residuals):
 
 
 def whole(derivatives, residuals) -> tuple[np.ndarray, np.ndarray]:
-    """One matrix for all unknowns, initial states first, and one right-hand side."""
+    """Return the matrix of all unknowns, initial states first, and the right-hand side."""
     states = N_SEGMENTS * N_STATES
     matrix = np.zeros((30 * N_SEGMENTS, states + N_COEFFICIENTS))
     for s, d in enumerate(derivatives):
@@ -45,10 +45,10 @@ def whole(derivatives, residuals) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("damping", [0.0, 0.5])
 def test_solution_and_inverse_of_the_whole(damping: float):
-    """Assert that eliminating and solving at once give one step, one fall and one inverse.
+    """Assert that elimination gives the step, decrease and inverse of the dense solution.
 
-    Damping is Levenberg and Marquardt's of all unknowns together, and multiplies the diagonal. What
-    each state explains alone is the fall of its segment's sum.
+    Damping is Levenberg and Marquardt's for all unknowns together, and multiplies the diagonal.
+    `by_states` is the decrease of a segment's sum by its initial state alone.
     """
     derivatives, residuals = random_problem()
     matrix, right = whole(derivatives, residuals)
@@ -71,7 +71,7 @@ def test_solution_and_inverse_of_the_whole(damping: float):
 
 
 def test_a_direction_that_initial_states_explain_is_free():
-    """Assert that a coefficient that only repeats an initial state is free, and the others not."""
+    """Assert that a coefficient equivalent to initial states is free, and others are not."""
     derivatives, residuals = random_problem()
     for d in derivatives:
         d[:, -1] = d[:, 0] - 2.0 * d[:, 1]
@@ -81,7 +81,7 @@ def test_a_direction_that_initial_states_explain_is_free():
 
 
 def test_the_rest_follows_what_is_zero():
-    """Assert that the form's gradient vanishes where values are sought, whatever their units."""
+    """Assert that the gradient of the constrained minimum vanishes, in any units."""
     rng = np.random.default_rng(5)
     factor = rng.normal(size=(5, 5)) * np.array([1e-3, 1.0, 1e3, 10.0, 1.0])
     matrix, values = factor.T @ factor, rng.normal(size=5)
@@ -100,7 +100,7 @@ def test_the_rest_follows_what_is_zero():
 
 
 def test_nothing_moves_along_an_open_direction():
-    """Assert that of two values whose sum alone counts each takes half, and that both are free."""
+    """Assert that two values seen in their sum share the change equally, and are both free."""
     columns = np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 2.0]])
     values = np.array([1.0, 3.0, 0.5])
     found = least_with(np.array([True, True, False]), columns.T @ columns, values)
@@ -111,14 +111,14 @@ def test_nothing_moves_along_an_open_direction():
     assert found.free.tolist() == [False, True]
 
 
-THREE_DEVIATIONS = round(9.0 / (0.5 * FLAT))  # degrees of freedom with which a flat step is so long
+THREE_DEVIATIONS = round(9.0 / (0.5 * FLAT))  # degrees of freedom for a flat step of this length
 
 
 @dataclass
 class _Rough:
-    """A sum of squares that promises with each step what it does not hold.
+    """A sum of squares whose predicted decrease is too optimistic.
 
-    Every step is promised to save a share of the cost, and saves a part of that.
+    Each step is predicted to save a share of the cost, and saves a part of that share.
     """
 
     promised: float
@@ -141,7 +141,7 @@ class _Rough:
 
 
 def steps_of(problem: _Rough, tolerance: float = 1.0, **options: Any) -> int:
-    """Steps that were taken."""
+    """Return the number of steps taken."""
     point = Point(np.zeros(1), np.zeros((1, 2)))
     return minimise(cast("Any", problem), point, tolerance, **options).iterations
 
@@ -149,36 +149,36 @@ def steps_of(problem: _Rough, tolerance: float = 1.0, **options: Any) -> int:
 @pytest.mark.parametrize(
     ("problem", "options", "steps"),
     [
-        # Two steps in turn that hold less than a quarter are the last, if all is flat.
+        # Two successive steps with less than a quarter of the prediction end a flat search.
         (_Rough(0.5 * FLAT, 0.24), {}, 2),
         (_Rough(0.5 * FLAT, 0.3), {}, ITERATIONS),
-        # Three standard deviations are near enough on the way, and not at the end.
+        # Three standard deviations suffice for an intermediate fit, and not for the last.
         (_Rough(0.5 * FLAT, 0.24, THREE_DEVIATIONS), {"tolerance": 1e-2}, ITERATIONS),
         (_Rough(0.5 * FLAT, 0.24, THREE_DEVIATIONS), {"tolerance": 1.0}, 2),
-        # Four steps in turn that hold less than a hundredth are the last: a rough bottom.
+        # Four successive steps with less than a hundredth end the search at a rough minimum.
         (_Rough(0.5 * FLAT, 1e-4, THREE_DEVIATIONS), {"tolerance": 1e-2}, 4),
         (_Rough(0.5, 1e-4), {"insist": False}, 4),
-        # Two in turn that gain less than they have to are the last of what only explores.
+        # Two successive steps below the required gain end an exploratory search.
         (_Rough(0.5, 0.5), {"insist": False, "least_gain": 0.26}, 2),
         (_Rough(0.5, 0.5), {"insist": False, "least_gain": 0.24}, ITERATIONS),
         (_Rough(0.5, 0.02), {"insist": False}, ITERATIONS),
-        # Within the variance asked for, none of that is a failure.
+        # Below the requested variance, none of these is a failure.
         (_Rough(0.5, 1e-4), {"enough": 1.1}, 4),
         (_Rough(0.5, 0.24), {"enough": 1.1}, ITERATIONS),
     ],
 )
 def test_steps_end(problem: _Rough, options: dict[str, Any], steps: int):
-    """Assert after how many steps a bottom, or what is good enough, is the end."""
+    """Assert after how many steps a minimum, or a sufficient fit, ends the search."""
     assert steps_of(problem, **options) == steps
 
 
 @pytest.mark.parametrize(
     ("problem", "options", "reason"),
     [
-        # Where more is promised than chance gives, poor steps are no bottom.
+        # A predicted decrease beyond chance with poor steps is no minimum.
         (_Rough(2.0 * FLAT, 0.24), {}, f"within {ITERATIONS}"),
         (_Rough(0.5, 1e-4), {}, "4 steps in a row gained almost nothing"),
-        # A plateau: there is more than noise to explain.
+        # A plateau: residuals exceed the noise.
         (_Rough(0.5 * FLAT, 1e-4, THREE_DEVIATIONS, 1.6), {"tolerance": 1e-2}, "4 steps in a row"),
         (_Rough(0.5, 1e-4), {"enough": 0.9 * (1.0 - 0.5e-4) ** ITERATIONS}, "4 steps in a row"),
         (_Rough(0.5, 0.24), {"enough": 0.9 * (1.0 - 0.12) ** ITERATIONS}, "within"),
@@ -186,7 +186,7 @@ def test_steps_end(problem: _Rough, options: dict[str, Any], steps: int):
     ],
 )
 def test_steps_that_lead_nowhere(problem: _Rough, options: dict[str, Any], reason: str):
-    """Assert what is no end, that the error says why, and that no more steps are taken."""
+    """Assert the reason of each failure, and that no more steps are taken."""
     with pytest.raises(ConvergenceError, match=reason):
         steps_of(problem, **options)
     if reason.startswith("4 steps"):
@@ -196,6 +196,6 @@ def test_steps_that_lead_nowhere(problem: _Rough, options: dict[str, Any], reaso
 
 
 def test_a_fit_on_its_way_is_not_stopped():
-    """Assert that steps that halve the sum of squares may be as many as it takes."""
+    """Assert that steps which halve the sum of squares are not limited in number."""
     problem = _Rough(0.6, 0.9, degrees_of_freedom=10**9)
     assert steps_of(problem, tolerance=1e-3, iterations=3) > 10

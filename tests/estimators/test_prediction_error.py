@@ -1,4 +1,4 @@
-"""Segmented prediction error where the answer is known, in steps as many as noise asks for."""
+"""Segmented prediction error on known systems, and refinement of integration steps."""
 
 from dataclasses import replace
 
@@ -38,13 +38,13 @@ JOINT = flexible_joint()
 
 
 def fit(samples: Samples, duration: float = 1.0, hold: Hold = "linear") -> PredictionErrorFit:
-    """From least squares of the same record."""
+    """Return a fit that starts from least squares of the same samples."""
     start = filtered_least_squares([samples], JOINT, hold=hold)
     return prediction_error([samples], JOINT, start, duration, hold)
 
 
 def correlated(seed: int, rho: float = 0.9) -> Samples:
-    """Positions in autoregressive noise of the usual standard deviation."""
+    """Return positions with autoregressive noise of the usual standard deviation."""
     clean = encoders(None, 15_000)
     shocks = np.random.default_rng(seed).standard_normal((2000 + len(clean), 2))
     noise = np.asarray(lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], shocks, axis=0))[2000:]
@@ -52,7 +52,7 @@ def correlated(seed: int, rho: float = 0.9) -> Samples:
 
 
 def test_less_is_part_of_everything():
-    """Assert that equations for less are that part of those for everything that is sought."""
+    """Assert that reduced equations equal the corresponding part of the full equations."""
     segments = divide([joint_samples()], 1.0)
     late = {"input_delay": 3e-4, "link_delay": 2e-4}
     problem = segmented_motion(JOINT, segments, Timing("linear", late, (*late,)))
@@ -70,7 +70,7 @@ def test_less_is_part_of_everything():
 
 
 def test_accuracy_at_one_second():
-    """Assert a median worst coefficient below 0.003 % and RMS errors within 1.2 of the bound."""
+    """Assert a median worst error below 0.003 %, and RMS errors within 1.2 of the bound."""
     fits = [fit(joint_samples(seed)) for seed in range(10)]
     assert np.median([worst_error(found.values) for found in fits]) <= 0.003
     bound = cramer_rao_bound(30)
@@ -81,7 +81,7 @@ def test_accuracy_at_one_second():
 
 
 def test_predicted_standard_deviation_is_the_bound():
-    """Assert that in white noise the inverse of the information is the Cramér-Rao bound."""
+    """Assert that for white noise the inverse information is the Cramér-Rao bound."""
     found = fit(encoders(3))
     textbook = np.sqrt(np.diag(np.linalg.inv(found.information)))
     assert textbook == pytest.approx(cramer_rao_bound(30), rel=0.02)
@@ -90,7 +90,7 @@ def test_predicted_standard_deviation_is_the_bound():
 
 @pytest.mark.parametrize("rho", [0.0, 0.9])
 def test_coverage(rho):
-    """Assert that nominal 95 % intervals hold the truth in 88 to 99.5 % of 200 cases.
+    """Assert that nominal 95 % intervals contain the truth in 88 to 99.5 % of 200 cases.
 
     Forty seeds, five coefficients: were the cases independent, the standard error would be 1.5 %.
     """
@@ -99,7 +99,7 @@ def test_coverage(rho):
 
 
 def test_what_leads_nowhere_is_an_error():
-    """Assert that neither a motion that runs away nor an answer far from its start is a number."""
+    """Assert that a diverging motion, or a minimum far from its start, is an error."""
     start = filtered_least_squares([joint_samples(0)], JOINT)
     for wrong in ([5.0, -1e5, 333.0, -1e4, 3.3], VALUES * np.array([1.0, 0.45, 0.45, 1.0, 0.45])):
         with pytest.raises(ConvergenceError):
@@ -122,14 +122,14 @@ def test_threads_change_no_digit(monkeypatch: pytest.MonkeyPatch):
 
 OSCILLATOR = ParametricSystem("oscillator", (Row("mass", "q", "v", {"stiffness": "-q"}),))
 FREQUENCY = 9.0  # rad/s
-H = 0.01  # s: 0.09 rad in a sample, which one step is thought to be short enough for
+H = 0.01  # s: 0.09 rad per sample, which one step should resolve
 N = 2001
 BIAS = FREQUENCY**2 * (FREQUENCY * H) ** 4 / 60.0
 """Of the stiffness in 1/s², with one step for each sample."""
 
 
 def deviation(noise: float) -> float:
-    """Standard deviation of the stiffness by the Cramér-Rao bound, for an amplitude of 1 rad."""
+    """Return the Cramér-Rao bound of the stiffness, for an amplitude of 1 rad."""
     t = H * np.arange(N)
     slope = -0.5 * t / FREQUENCY * np.sin(FREQUENCY * t)
     states = np.column_stack((np.cos(FREQUENCY * t), np.sin(FREQUENCY * t)))
@@ -138,12 +138,12 @@ def deviation(noise: float) -> float:
 
 
 def noise_for(moved: float) -> float:
-    """Noise in rad with which the integration moves the stiffness by so many deviations."""
+    """Return the noise in rad for a bias of so many standard deviations."""
     return BIAS / (moved * deviation(1.0))
 
 
 def oscillation(noise: float, seed: int) -> Samples:
-    """A free oscillation from rest."""
+    """Return a free oscillation from rest."""
     t = H * np.arange(N)
     position = np.cos(FREQUENCY * t) + noise * np.random.default_rng(seed).standard_normal(N)
     return Samples(position[:, None], None, np.empty((N, 0)), H)
@@ -153,7 +153,7 @@ def oscillation(noise: float, seed: int) -> Samples:
     ("moved", "times"), [(0.5, 1), (1.5, 2), (10.0, 2), (25.0, 3), (150.0, MOST), (1e5, MOST)]
 )
 def test_steps_are_as_many_as_the_noise_asks_for(moved: float, times: int):
-    """Assert what follows from the closed form: (error / negligible error)^(1/4), rounded up."""
+    """Assert the closed form (error / negligible error)^(1/4), rounded up."""
     moved *= NEGLIGIBLE
     noise = noise_for(moved)
     segments = divide([oscillation(noise, 3)], N * H)
@@ -165,7 +165,7 @@ def test_steps_are_as_many_as_the_noise_asks_for(moved: float, times: int):
 
 
 def test_estimates_are_off_by_noise_alone():
-    """Assert that over thirty records the error is noise's, though one step would move it by 3."""
+    """Assert that refined steps remove a bias of three standard deviations, over thirty logs."""
     noise = noise_for(3.0)
     off = []
     for seed in range(30):
@@ -173,5 +173,5 @@ def test_estimates_are_off_by_noise_alone():
         start = filtered_least_squares(samples, OSCILLATOR)
         found = prediction_error(samples, OSCILLATOR, start, N * H)
         off.append((found.values[0] - FREQUENCY**2) / deviation(noise))
-    assert abs(np.mean(off)) < 0.7  # 0.18 by chance, and at most the tenth that is left
+    assert abs(np.mean(off)) < 0.7  # 0.18 by chance, and at most a remaining tenth
     assert 0.6 < np.std(off) < 1.4

@@ -21,14 +21,14 @@ JOINT = flexible_joint()
 
 
 def replayed(samples: Samples, **settings):
-    """History of recursive least squares on positions, and the estimator."""
+    """Return the history of recursive least squares on positions, and the estimator."""
     estimator = recursive_least_squares(JOINT, SAMPLE_TIME, **settings)
     return estimator.replay(estimator.init(), estimator.pack(samples)), estimator
 
 
 @pytest.mark.parametrize("first", [0, 1700])
 def test_ends_where_the_batch_ends(first: int):
-    """Assert that without forgetting the end is the batch fit's, also from a start in motion."""
+    """Assert that without forgetting the end equals the batch fit, also from a start in motion."""
     samples = encoders(3, first)
     history, _ = replayed(samples)
     fit = filtered_least_squares([samples], JOINT, 20.0)
@@ -36,7 +36,7 @@ def test_ends_where_the_batch_ends(first: int):
 
 
 def test_standard_deviations_are_those_of_the_errors():
-    """Assert that errors over 30 seeds are as large as their standard deviations, within 40 %."""
+    """Assert that errors over 30 seeds match their standard errors within 40 %."""
     ratios = []
     for seed in range(30):
         history, estimator = replayed(encoders(seed))
@@ -47,7 +47,7 @@ def test_standard_deviations_are_those_of_the_errors():
 
 
 def test_standard_deviations_after_two_seconds():
-    """Assert that in the first second variances are infinite, and at 4 s most intervals right."""
+    """Assert infinite variances in the first second, and mostly right intervals at 4 s."""
     held = []
     for seed in range(20):
         samples = encoders(seed)
@@ -63,7 +63,7 @@ def test_standard_deviations_after_two_seconds():
 
 
 def test_the_gain_stays_bounded():
-    """Assert that forgetting leaves every coefficient its least information, whatever comes."""
+    """Assert that forgetting keeps a least information on every coefficient."""
     samples = encoders(0)
     twist = -TRUTH["theta1"] * np.sin(0.3) / TRUTH["theta2"]  # the link held at 0.3 rad
     still = np.tile([0.3, 0.3 - twist], (60_000, 1))
@@ -80,12 +80,12 @@ def test_the_gain_stays_bounded():
     assert moved.max() < 0.01
 
 
-LOADED = TRUTH | {"theta2": TRUTH["theta2"] / 1.5}  # mgl and Jl half as large again
+LOADED = TRUTH | {"theta2": TRUTH["theta2"] / 1.5}  # m g l and link inertia 1.5 times as large
 CHANGE = 15_000  # samples
 
 
 def test_a_payload_is_followed():
-    """Assert that a memory of 2 s has theta2 within 5 % 7 s after a load, within 1 % after 10 s."""
+    """Assert that a memory of 2 s gives theta2 within 5 % 7 s after a load, and 1 % after 10 s."""
     inputs = torque(np.arange(CHANGE + 20_001) * SAMPLE_TIME)[:, None]
     before = free_run(JOINT, TRUTH, np.zeros(4), inputs[: CHANGE + 1], SAMPLE_TIME)
     after = free_run(JOINT, LOADED, before[-1], inputs[CHANGE:], SAMPLE_TIME)
@@ -102,7 +102,7 @@ def test_a_payload_is_followed():
 
 
 def test_second_order_in_the_sample_time():
-    """Assert that the sampled observer approaches SciPy's continuous one as h²."""
+    """Assert that the sampled observer converges to SciPy's continuous one as h²."""
     theta1, theta2, alpha1, alpha2, beta1 = VALUES
     gain, h = 0.2, 2e-3
 
@@ -135,7 +135,7 @@ def test_second_order_in_the_sample_time():
 
 
 def test_suggested_gains_converge_at_their_rate():
-    """Assert that a lone coefficient decays at the rate that was asked for."""
+    """Assert that a single coefficient converges at the requested rate."""
     h, n, rate = 1e-3, 2001, 3.0
     time = np.arange(n, dtype=np.float64) * h
     force = np.ones(n)

@@ -1,4 +1,4 @@
-"""Settings of estimators that are refused, each in one sentence that names what is wrong."""
+"""Settings that estimators refuse, each in one sentence."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -34,7 +34,7 @@ filter_rate = partial(check_filter_rate, sample_time=1e-3)
 
 
 def within(**bounds: tuple[float, float]) -> None:
-    """Least squares of the joint within bounds."""
+    """Fit the joint by least squares within bounds."""
     bounded_fit(lambda sought: least_squares(JOINT, unknowns=sought), Unknowns(JOINT), bounds)
 
 
@@ -86,11 +86,11 @@ REFUSED: dict[str, Callable[[], object]] = {
 
 
 def test_what_is_refused(refusals: Any):
-    """Assert that the sentence of the error says what is wrong."""
+    """Assert that the error names what is wrong."""
     refusals(REFUSED)
 
 
 @pytest.mark.parametrize("rate", [0.0101, 499.0])
 def test_filters_that_suit(rate: float):
-    """Assert that rates just within the limits are taken."""
+    """Assert that rates just within the limits are accepted."""
     check_filter_rate(rate, 1e-3)

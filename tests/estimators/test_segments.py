@@ -1,4 +1,4 @@
-"""Records cut into segments, shared among threads."""
+"""Segments of recordings, shared among threads."""
 
 import threading
 
@@ -10,13 +10,13 @@ from flexid.estimators.samples import FEWEST_SAMPLES, Samples, divide, first_sta
 
 
 def record(n: int, sample_time: float = 0.01, start_time: float = 0.0) -> Samples:
-    """One row whose position is the number of the sample."""
+    """Return a recording with one row, whose position is the sample's number."""
     position = np.arange(n, dtype=np.float64)[:, None]
     return Samples(position, 10.0 * position, np.zeros((n, 1)), sample_time, start_time)
 
 
 def test_segments_cover_every_recording_and_cross_none():
-    """Assert that segments follow each other without a gap, and that recordings are borders."""
+    """Assert that segments are contiguous, and that none crosses from one recording to the next."""
     segments = divide([record(1050), record(250, start_time=100.0)], 3.0)
     assert segments.lengths.sum() == 1300
     assert np.array_equal(segments.starts[1:], np.cumsum(segments.lengths)[:-1])
@@ -27,7 +27,7 @@ def test_segments_cover_every_recording_and_cross_none():
 
 
 def test_halves_start_where_the_whole_did():
-    """Assert that halving keeps the samples, and that halves put together are the whole."""
+    """Assert that halving keeps all samples, and that merged halves are the original segments."""
     segments = divide([record(1001, start_time=5.0)], 2.5)
     halves = segments.halved()
     assert np.array_equal(halves.starts[::2], segments.starts)
@@ -45,10 +45,10 @@ def test_halves_start_where_the_whole_did():
 
 @pytest.mark.parametrize(("frequency", "error"), [(0.5, 0.15), (40.0, 0.2)])
 def test_first_velocities_follow_a_vibration(frequency, error):
-    """Assert that a fast motion is followed within few samples, and a slow one within many.
+    """Assert that initial velocities fit a fast motion in few samples, and a slow one in many.
 
-    A cubic through 30 ms knows nothing of 40 Hz; through six samples it knows a slow velocity to
-    0.3 of this one's amplitude.
+    A cubic over 30 ms cannot follow 40 Hz. Over six samples it would estimate the slow velocity
+    with an error of 0.3 of its amplitude.
     """
     time = 2e-3 * np.arange(2000)
     size = 1e-3 / frequency
@@ -63,7 +63,7 @@ def test_first_velocities_follow_a_vibration(frequency, error):
 
 
 def test_some_segments_are_of_every_recording():
-    """Assert that a choice is spread evenly, and leaves no recording out."""
+    """Assert that a subset is spread evenly, with segments of every recording."""
     segments = divide([record(1000), record(60), record(1000)], 0.3)
     some = segments.some(20)
     assert 18 <= len(some) <= 26
@@ -75,7 +75,7 @@ def test_some_segments_are_of_every_recording():
 
 
 def test_margins_belong_to_no_segment():
-    """Assert that both ends of every recording stay out of the segments, but are still there."""
+    """Assert that margins of every recording are outside the segments, but kept as data."""
     segments = divide([record(300), record(200, start_time=50.0)], 1.0, margin=0.05)
     assert len(segments.outputs) == 500
     expected = np.ones(500, dtype=bool)
@@ -93,7 +93,7 @@ def test_margins_belong_to_no_segment():
 
 @pytest.mark.parametrize("margin", [0.0, 0.05])
 def test_what_is_too_short_is_left_out(margin):
-    """Assert that a recording, less its margins, must be long enough, and is not cut shorter."""
+    """Assert that a recording too short for a segment, without its margins, is left out."""
     more = round(2.0 * margin / 0.01)
     segments = divide(
         [record(FEWEST_SAMPLES - 1 + more), record(FEWEST_SAMPLES + more)], 1.0, margin=margin
@@ -111,7 +111,7 @@ def test_what_is_too_short_is_left_out(margin):
 def test_every_segment_is_done_once(
     monkeypatch: pytest.MonkeyPatch, lengths: list[int], cores: int
 ):
-    """Assert that the ranges cover all segments, none of them twice."""
+    """Assert that ranges cover all segments exactly once."""
     monkeypatch.setattr(sharing, "cores", lambda: cores)
     done = np.zeros(len(lengths), dtype=int)
 
@@ -123,7 +123,7 @@ def test_every_segment_is_done_once(
 
 
 def test_long_records_have_several_threads(monkeypatch: pytest.MonkeyPatch):
-    """Assert that two cores run at the same time: each waits for the other."""
+    """Assert that two cores work at the same time: each waits for the other."""
     monkeypatch.setattr(sharing, "cores", lambda: 2)
     together = threading.Barrier(2, timeout=30.0)
 

@@ -14,7 +14,7 @@ JOINT = flexible_joint()
 
 @pytest.mark.parametrize(("first", "median", "largest"), [(0, 0.012, 0.04), (1000, 0.024, 0.08)])
 def test_accuracy_on_the_noisy_joint(first, median, largest):
-    """Assert the accuracy asked for, from rest and on a record that starts in motion."""
+    """Assert the required accuracy, from rest and from a start in motion."""
     errors = [
         worst_error(filtered_least_squares([encoders(seed, first)], JOINT).values)
         for seed in range(20)
@@ -24,13 +24,13 @@ def test_accuracy_on_the_noisy_joint(first, median, largest):
 
 
 def test_held_input_is_integrated_exactly():
-    """Assert that hold "zero" makes no error at all where only the input accelerates."""
+    """Assert that hold "zero" is exact if only the input accelerates."""
     fit = filtered_least_squares([held_cart()], CART, hold="zero")
     assert fit.values == pytest.approx([2.0, 0.3], rel=1e-9)
 
 
 def test_linear_input_is_integrated_exactly():
-    """Assert that hold "linear" makes no error where the input runs linearly in between."""
+    """Assert that hold "linear" is exact for an input that is linear between samples."""
     h, n = 0.01, 400
     force = np.random.default_rng(2).standard_normal(n)
     start, end = force[:-1], force[1:]
@@ -43,7 +43,7 @@ def test_linear_input_is_integrated_exactly():
 
 
 def test_order_in_the_sample_time():
-    """Assert that smooth regressors are integrated to fourth order: halve h, a 16th remains."""
+    """Assert fourth-order integration of smooth regressors: half the step, a 16th of the error."""
     time, states = clean_motion()
     errors = []
     for stride in (16, 8, 4):
@@ -64,7 +64,7 @@ AT_REST = np.full((500, 2), 0.3), flexible_joint(("motor_viscous",))
     [*((joint_samples(0).positions[:n], JOINT) for n in (0, 2, 4, 5)), AT_REST],
 )
 def test_rest_and_few_samples_determine_nothing(positions, joint):
-    """Assert that a joint at rest, or a handful of samples, gives infinite variances, no error."""
+    """Assert that a joint at rest, or few samples, give infinite variances instead of an error."""
     short = Samples(positions, None, np.zeros((len(positions), 1)), 1e-3)
     fit = filtered_least_squares([short], joint)
     assert np.isfinite(fit.values).all()

@@ -1,4 +1,4 @@
-"""Eigenvalues and inverses of symmetric matrices, also where divide and conquer gives up."""
+"""Eigenvalues and inverses of symmetric matrices, also if divide and conquer fails."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from flexid.estimators.normal_equations import eigen, pseudo_inverse
 
 
 def _covariances(seed: int) -> np.ndarray:
-    """Five of shape (4, 4), the last of rank 2."""
+    """Return five matrices of shape (4, 4), the last of rank 2."""
     roots = np.random.default_rng(seed).standard_normal((5, 4, 4))
     roots[-1, :, 2:] = 0.0
     return roots @ roots.swapaxes(-1, -2)
@@ -25,7 +25,7 @@ def _divide_and_conquer(request, monkeypatch):
 
 @pytest.mark.usefixtures("_divide_and_conquer")
 def test_eigenvalues_ascend_and_give_the_matrix_back():
-    """Assert that values and vectors are those of the matrix, in order, by either algorithm."""
+    """Assert that both algorithms give ordered eigenvalues and vectors of the matrix."""
     matrices = _covariances(1)
     eigenvalues, vectors = eigen(matrices)
     assert np.all(np.diff(eigenvalues, axis=-1) > -1e-9)
@@ -38,7 +38,7 @@ def test_eigenvalues_ascend_and_give_the_matrix_back():
 
 @pytest.mark.usefixtures("_divide_and_conquer")
 def test_a_pseudo_inverse_inverts_what_is_not_null():
-    """Assert that it is the inverse where there is one, and of the same rank elsewhere."""
+    """Assert that it is the inverse of a regular matrix, and of the same rank otherwise."""
     matrices = _covariances(2)
     inverses = pseudo_inverse(matrices, 1e-9)
     assert matrices @ inverses @ matrices == pytest.approx(matrices, abs=1e-9)
@@ -47,12 +47,12 @@ def test_a_pseudo_inverse_inverts_what_is_not_null():
 
 
 def test_another_algorithm_is_not_asked_for_what_is_not_finite(monkeypatch):
-    """Assert that what no algorithm can do is refused as before."""
+    """Assert that a matrix with NaN or infinity is refused without the second algorithm."""
     monkeypatch.setattr(np.linalg, "eigh", _gives_up)
     with pytest.raises(np.linalg.LinAlgError):
         eigen(np.array([[1.0, np.inf], [np.inf, 1.0]]))
 
 
 def test_an_empty_matrix_has_no_eigenvalues():
-    """Assert that matrices without rows are their own inverses."""
+    """Assert that an empty matrix is its own inverse."""
     assert pseudo_inverse(np.zeros((3, 0, 0)), 1e-9).shape == (3, 0, 0)

@@ -1,4 +1,4 @@
-"""What is sought: coefficients fixed, shared, tied, within bounds, or of each group its own."""
+"""Unknowns: coefficients fixed, shared, tied, within bounds, or separate for each group."""
 
 from functools import partial
 
@@ -28,7 +28,7 @@ RECORD = encoders(0)
 
 
 def test_names_and_coefficients_of_a_recording():
-    """Assert that groups' own coefficients stand where the shared one would, fixed ones too."""
+    """Assert that a group's own coefficients take the place of shared ones, and fixed ones too."""
     assert PER_RUN.names == (
         *("theta1", "theta2", "theta_offset[1]", "theta_offset[2]"),
         *("alpha1", "alpha2", "beta1"),
@@ -56,7 +56,7 @@ GIVEN = {"beta1": TRUTH["beta1"], "theta1": TRUTH["theta1"]}
     ids=["given", "off"],
 )
 def test_what_is_fixed_leaves_the_smaller_model(batch, part, small):
-    """Assert the fit of a model that knows a coefficient, or has none of a term that is off."""
+    """Assert that a fixed coefficient gives the fit of the model that knows or omits it."""
     found, declared = batch([RECORD], part), batch([RECORD], small)
     assert found.names == declared.names == small.names
     assert found.values == pytest.approx(declared.values, rel=1e-9)
@@ -71,7 +71,7 @@ TIED = Unknowns(DAMPED, tied={"theta_damping": ("alpha_damping", "theta2", "alph
 
 @pytest.mark.parametrize("fixed", [{}, {"alpha1": 300.0}, {"alpha_damping": 0.4}])
 def test_derivatives_of_a_tie(fixed):
-    """Assert that derivatives by what is sought are finite differences, whatever is fixed.
+    """Assert derivatives by the unknowns against finite differences, for any fixed values.
 
     theta2/alpha1 = 0.3 in Table I, so 0.7/s on the motor are 0.21/s on the link.
     """
@@ -93,7 +93,7 @@ def test_derivatives_of_a_tie(fixed):
 
 
 def test_a_tie_whose_source_is_off_is_off():
-    """Assert that without the motor's damping the link has none, be the stiffness zero or not."""
+    """Assert that without the motor's damping the link has none, even for zero stiffness."""
     unknowns = TIED.fixing({"alpha_damping": 0.0})
     place = DAMPED.coefficients.index("theta_damping")
     for alpha1 in (300.0, 0.0):
@@ -104,7 +104,7 @@ def test_a_tie_whose_source_is_off_is_off():
 
 
 def test_a_motion_is_differentiated_by_what_is_tied():
-    """Assert that the slope of the sum of squares heeds the link's damping by its sources."""
+    """Assert that the gradient includes the link's damping through its sources."""
     problem = problem_of(TIED, 3.0 * np.sin(0.05 * np.arange(200)), 0.01, substeps=2)
     at = point_of(
         [{**TRUTH, "alpha_damping": 3.0}[name] for name in TIED.names], 0.3, 0.0, 0.1, 1.0
@@ -119,7 +119,7 @@ CART = ParametricSystem("cart", (Row("cart", "q", "v", {"gain": "u", "twin": "u"
 
 
 def cart(unknowns: Unknowns) -> LeastSquaresFit:
-    """Least squares of the cart, once for each group; its gain and the twin are one."""
+    """Fit the cart by least squares, once for each group; gain and twin are confounded."""
     carts = [held_cart()] * (len(unknowns.groups) or 1)
     return filtered_least_squares(carts, CART, unknowns=unknowns, hold="zero")
 
@@ -134,7 +134,7 @@ def cart(unknowns: Unknowns) -> LeastSquaresFit:
     ],
 )
 def test_brute_force_finds_the_same(bounds):
-    """Assert that a general minimiser under the same bounds ends at the same coefficients."""
+    """Assert that a general minimiser with these bounds gives the same coefficients."""
     signals = filtered_signals([RECORD], JOINT, 20.0, "linear")
     lower, upper = np.array([bounds.get(n, (-np.inf, np.inf)) for n in JOINT.coefficients]).T
 
@@ -158,7 +158,7 @@ def test_brute_force_finds_the_same(bounds):
 
 
 def test_what_the_data_leave_open_keeps_to_its_bounds():
-    """Assert that infinite variance does no harm, and that bounds bind what each group has."""
+    """Assert that bounds hold despite infinite variances, and for each group's coefficient."""
     fit, at_bound = bounded_fit(cart, Unknowns(CART), {"gain": (1.5, np.inf), "push": (0.0, 1.0)})
     assert at_bound == {"gain": 1.5}
     assert fit.names == ("twin", "push")

@@ -1,4 +1,4 @@
-"""The integrators and our own sine and cosine, against theory, known solutions and SciPy."""
+"""The integrators, and our own sine and cosine, against theory, known solutions and SciPy."""
 
 from types import ModuleType
 
@@ -12,7 +12,7 @@ from flexid.derivation.source import IMPORTS, assignments, function, unpack
 from flexid.derivation.symbolic import symbol, to_sympy
 from flexid.kernels.store import load_kernel, template
 
-# As every lane of the explicit integrator wants rates; nothing is measured.
+# The rates as the explicit integrator requires them for each lane; no measurement.
 LANES = """
 LANES = 2
 N_PARAMETERS = N_OBSERVED = 1
@@ -40,15 +40,15 @@ def lane_rates_and_outputs(w):
 Problem = tuple[str, ...]
 """Rates of z0, z1 ... at a time t, with a parameter p0."""
 
-# z = (exp(sin t), cos(t) / (1 + t/2), p0 ...): nonlinear, coupled and driven by time. The last has
-# no finite rate beyond t = 3/2, if any.
+# z = (exp(sin t), cos(t) / (1 + t/2), p0 ...): nonlinear, coupled and driven by time. The rate of
+# the last state is not finite beyond t = 3/2.
 SMOOTH = (
     "cos(t)*z0 + z1**2 - cos(t)**2/(1 + t/2)**2",
     "-sin(t)/(1 + t/2) - z1/2/(1 + t/2) + z0**2 - exp(2*sin(t))",
     "p0*sqrt(3/2 - t)",
 )
 START = [1.0, 1.0, 0.0]
-PROTHERO_ROBINSON = ("-p0*(z0 - sin(t)) + cos(t)",)  # z = sin t whatever the stiffness p0
+PROTHERO_ROBINSON = ("-p0*(z0 - sin(t)) + cos(t)",)  # z = sin t for any stiffness p0
 
 
 def smooth_solution(t: float | NDArray[np.float64]) -> NDArray[np.float64]:
@@ -118,7 +118,7 @@ def integrate(
 
 
 STEPS = 2.0 ** -np.arange(3, 8)
-FIXED = 1e9  # a relative tolerance that accepts every step, so that the longest step is the step
+FIXED = 1e9  # a relative tolerance that accepts every step, so that all have the maximum length
 
 both = pytest.mark.parametrize("method", ["rodas5p", "dopri5"])
 
@@ -130,10 +130,10 @@ def slope(steps: np.ndarray, errors: list[float]) -> float:
 
 @pytest.mark.parametrize(
     ("method", "least", "first"),
-    [("rodas5p", 4.8, 0), ("dopri5", 4.7, 2)],  # at its longest steps the next order still counts
+    [("rodas5p", 4.8, 0), ("dopri5", 4.7, 2)],  # its longest steps show the next order too
 )
 def test_order_is_five(method: str, least: float, first: int) -> None:
-    """Assert that the error at the end falls with the fifth power of the step."""
+    """Assert fifth order at the end of the interval."""
     kernel = integrator(SMOOTH, method)
     errors = []
     for step in STEPS[first:]:
@@ -144,7 +144,7 @@ def test_order_is_five(method: str, least: float, first: int) -> None:
 
 
 def test_order_of_dense_output_is_four() -> None:
-    """Assert that between the steps the error falls with the fourth power of the step, at least."""
+    """Assert at least fourth order between the steps."""
     kernel = integrator(SMOOTH)
     errors = []
     times = np.arange(1001) / 1000.0
@@ -164,7 +164,7 @@ def test_tolerance_is_met(method: str) -> None:
 
 
 def test_a_step_is_that_of_scipy() -> None:
-    """Assert that a step is SciPy's, to rounding."""
+    """Assert that a step equals SciPy's, to rounding."""
     kernel = integrator(SMOOTH, "dopri5")
 
     def rates(t: float, z: np.ndarray) -> np.ndarray:
@@ -180,7 +180,7 @@ def test_a_step_is_that_of_scipy() -> None:
 
 @pytest.mark.parametrize("stiffness", [1e2, 1e5, 1e8])
 def test_no_order_reduction_that_hurts(stiffness: float) -> None:
-    """Assert that Prothero and Robinson's problem is solved in few steps however stiff it is."""
+    """Assert that Prothero and Robinson's problem needs few steps for any stiffness."""
     kernel = integrator(PROTHERO_ROBINSON)
     status, _, z, _, counts = integrate(kernel, 10.0, [0.0], stiffness)
     assert status == kernel.FINISHED
@@ -190,7 +190,7 @@ def test_no_order_reduction_that_hurts(stiffness: float) -> None:
 
 @both
 def test_no_way_on_is_reported(method: str) -> None:
-    """Assert that equations without a value end the run where they lose it."""
+    """Assert that the run ends where the rates become undefined."""
     kernel = integrator(SMOOTH, method)
     status, reached, *_ = integrate(kernel, 2.0, START, 1.0)
     assert status in (kernel.NOT_FINITE, kernel.STEP_TOO_SMALL)
@@ -221,13 +221,13 @@ def both(x, sines, cosines):
 
 @pytest.fixture(scope="module")
 def kernel() -> ModuleType:
-    """Return a loop that computes both of every number."""
+    """Return a loop that computes sine and cosine of each number."""
     return load_kernel("test_sin_cos", [SOURCE], lambda: SOURCE, ["sin_cos"])
 
 
 @pytest.mark.parametrize("largest", [1e-3, 1.0, 100.0, 1e6])
 def test_error_is_two_units_in_the_last_place(kernel: ModuleType, largest: float) -> None:
-    """Assert that both are right to 2 units in the last place, near multiples of pi/2 as well."""
+    """Assert an error of 2 units in the last place, near multiples of pi/2 as well."""
     generator = np.random.default_rng(3)
     drawn = generator.uniform(-largest, largest, 100_000)
     quarters = np.arange(-int(largest), int(largest), max(1, int(largest) // 5000))
@@ -235,11 +235,11 @@ def test_error_is_two_units_in_the_last_place(kernel: ModuleType, largest: float
     sines, cosines = np.empty_like(x), np.empty_like(x)
     kernel.both(x, sines, cosines)
     for own, right in ((sines, np.sin(x)), (cosines, np.cos(x))):
-        assert np.max(np.abs(own - right) / np.spacing(np.abs(right))) <= 3.0  # NumPy's own is 1
+        assert np.max(np.abs(own - right) / np.spacing(np.abs(right))) <= 3.0  # NumPy's error is 1
 
 
 def test_what_is_no_number_stays_none(kernel: ModuleType) -> None:
-    """Assert that infinities and NaN give NaN, and zero keeps its value."""
+    """Assert that infinities and NaN give NaN, and zero its exact values."""
     x = np.array([np.inf, -np.inf, np.nan, 0.0])
     sines, cosines = np.empty_like(x), np.empty_like(x)
     kernel.both(x, sines, cosines)

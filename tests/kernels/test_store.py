@@ -1,4 +1,4 @@
-"""The cache of generated kernels, and the sources that are part of the package."""
+"""The cache of generated kernels, and the sources shipped with the package."""
 
 import ast
 import os
@@ -38,7 +38,7 @@ print(repr(observer.replay(observer.init(), samples).coefficients[-1, 0]), "symp
 
 
 def run(code: str, cache: Path) -> subprocess.Popen[str]:
-    """Start Python on some code with its own cache."""
+    """Start Python with some code and a cache folder."""
     environment = {**os.environ, store.CACHE_VARIABLE: str(cache)}
     return subprocess.Popen(
         [sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE, text=True
@@ -46,21 +46,21 @@ def run(code: str, cache: Path) -> subprocess.Popen[str]:
 
 
 def forget(kernel: ModuleType) -> None:
-    """Let the next call load a kernel as another process would."""
+    """Clear a kernel, so that the next call loads it as another process would."""
     store._LOADED.clear()
     del sys.modules[kernel.__name__]
 
 
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Point the store to an empty folder, as the first that compiles."""
+    """Point the store to an empty folder, as before any compilation."""
     monkeypatch.setenv(store.CACHE_VARIABLE, str(tmp_path))
     store._announce.cache_clear()
     return tmp_path
 
 
 def test_second_process_needs_no_computer_algebra(tmp_path: Path) -> None:
-    """Assert that of two processes one makes the kernel, and no other ever imports SymPy."""
+    """Assert that of two processes one builds the kernel, and that a later one needs no SymPy."""
     both = [run(OBSERVE, tmp_path) for _ in range(2)]
     first = [process.communicate(timeout=300)[0].split() for process in both]
     assert [process.returncode for process in both] == [0, 0]
@@ -75,7 +75,7 @@ def test_second_process_needs_no_computer_algebra(tmp_path: Path) -> None:
 def test_built_once_in_the_folder_that_is_named(
     cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Assert that a kernel is built on its first call, where the environment says at that time."""
+    """Assert that a kernel is built once, in the folder that the environment names at the call."""
     built = []
 
     def build() -> str:
@@ -94,7 +94,7 @@ def test_built_once_in_the_folder_that_is_named(
 
 
 def test_threads_find_whole_modules(cache: Path) -> None:
-    """Assert that a thread that asks while another one imports waits for the whole module."""
+    """Assert that a thread waits while another one imports the module."""
     source = "import time\ntime.sleep(0.3)\nWHOLE = True\n"
 
     def load(_: int) -> bool:
@@ -105,7 +105,7 @@ def test_threads_find_whole_modules(cache: Path) -> None:
 
 
 def test_another_recipe_is_another_kernel(cache: Path) -> None:
-    """Assert that task, declarations, and templates with their order tell kernels apart."""
+    """Assert that kernels differ by task, declarations, and templates in their order."""
     source = "from numba import njit\nPLACE = {}\n"
     recipes = [("a", ["x"], ()), ("a", ["y"], ()), ("b", ["x"], ()), ("a", ["x", ""], ())]
     recipes += [("a", ["x"], t) for t in (("status",), ("status", "run_status"))]
@@ -114,14 +114,14 @@ def test_another_recipe_is_another_kernel(cache: Path) -> None:
         store.load_kernel(task, declarations, partial(source.format, len(declarations)), templates)
         for task, declarations, templates in recipes
     ]
-    assert len({str(kernel.__file__) for kernel in names}) == 6  # the second is built as the first
+    assert len({str(kernel.__file__) for kernel in names}) == 6  # the second equals the first
     assert len(list(cache.glob("derived/*.py"))) == 4
 
 
 def test_changed_generator_derives_anew_but_compiles_only_what_differs(
     cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Assert that an edit of the derivation leaves a kernel alone whose text comes out the same."""
+    """Assert that a changed derivation with the same text does not recompile the kernel."""
     texts = iter(["VALUE = 1\n", "VALUE = 1\n", "VALUE = 2\n"])
     names = []
     for edit in ("first", "a comment", "a term"):
@@ -134,7 +134,7 @@ def test_changed_generator_derives_anew_but_compiles_only_what_differs(
 def test_what_cannot_be_saved_is_compiled_all_the_same(
     cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Assert that a disk that fills up before numba saves stops nothing."""
+    """Assert that a full disk does not prevent compilation."""
 
     def full(*_: object) -> None:
         raise OSError("no space left")
@@ -147,7 +147,7 @@ def test_what_cannot_be_saved_is_compiled_all_the_same(
 
 
 def test_compiling_is_announced_once(cache: Path, caplog: pytest.LogCaptureFixture) -> None:
-    """Assert that a process says once that it compiles, and nothing where all is compiled."""
+    """Assert that compilation is announced once per process, and not if all is compiled."""
     name = "flexid.kernels.store"
     for kernel, announced in (("said", 1), ("said again", 0)):
         with caplog.at_level("INFO", name):
@@ -163,7 +163,7 @@ def test_compiling_is_announced_once(cache: Path, caplog: pytest.LogCaptureFixtu
 
 
 def test_failed_build_leaves_nothing(cache: Path) -> None:
-    """Assert that a build that fails neither leaves a file nor a module behind."""
+    """Assert that a failed build leaves neither a file nor a module."""
 
     def build() -> str:
         raise ValueError("no source")
@@ -184,7 +184,7 @@ def double(x):
 
 
 def test_damaged_files_are_made_anew(cache: Path) -> None:
-    """Assert that an emptied index, as of a power failure, does no harm, but to no file in work."""
+    """Assert that an empty index is rebuilt, and that temporary files of others are kept."""
     kernel = store.load_kernel("damage", ["x"], lambda: KERNEL)
     assert kernel.double(2) == 4
     begun = cache / "__pycache__" / f"{kernel.__name__}.double-5.py311.2.nbc.tmp.0123"
@@ -197,7 +197,7 @@ def test_damaged_files_are_made_anew(cache: Path) -> None:
 
 
 def no_locks(*_: object) -> None:
-    """Fail as a file system on which no process can wait for another."""
+    """Fail like a file system without locks."""
     raise NotImplementedError("no locks here")
 
 
@@ -205,7 +205,7 @@ def no_locks(*_: object) -> None:
     ("task", "place", "broken", "by", "words"),
     [
         ("new", "file/cache", "", None, r"file/cache cannot be written .*FLEXID_CACHE_DIR"),
-        # Kernels that are there are not loaded where numba could save nothing.
+        # Existing kernels are not loaded either if numba cannot save.
         ("here", "", "os.access", lambda *_: False, r"cannot be written \(Permission denied\)"),
         ("new", "", "filelock.FileLock.acquire", no_locks, r"cannot be written \(no locks here\)"),
     ],
@@ -220,7 +220,7 @@ def test_a_cache_that_cannot_be_used_is_refused(
     by: Any,
     words: str,
 ) -> None:
-    """Assert that the folder and the remedy are named."""
+    """Assert that an unusable cache is refused, with the folder and the remedy."""
     forget(store.load_kernel("here", ["x"], lambda: KERNEL))
     (cache / "file").write_text("")
     monkeypatch.setenv(store.CACHE_VARIABLE, str(cache / place))
@@ -243,7 +243,7 @@ def total(pair):
 
 
 def test_an_index_may_name_a_kernel_that_is_not_loaded(cache: Path) -> None:
-    """Assert that what one kernel has compiled for a type of another's does no harm without it."""
+    """Assert that a compiled signature with the type of an absent kernel is harmless."""
     one, two = (store.load_kernel(name, [name], lambda: PAIRS) for name in ("pairs_a", "pairs_b"))
     assert two.total(one.Pair(1.0, 2.0)) == 3.0
     assert list(cache.glob(f"__pycache__/{two.__name__}.*.nbi"))
@@ -254,7 +254,7 @@ def test_an_index_may_name_a_kernel_that_is_not_loaded(cache: Path) -> None:
 
 
 def test_who_compiles_waits_for_who_writes(cache: Path) -> None:
-    """Assert that nothing is saved while another one holds the kernel's lock."""
+    """Assert that nothing is saved while another process has the kernel's lock."""
     kernel = store.load_kernel("waiting", ["x"], lambda: KERNEL)
     lock = FileLock(Path(str(kernel.__file__)).with_suffix(".lock"))
     with ThreadPoolExecutor(1) as pool:
@@ -281,7 +281,7 @@ KERNELS = [
 
 @pytest.fixture
 def generated(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
-    """Return each source by the name of its file."""
+    """Return each generated source by the name of its file."""
     found: dict[str, str] = {}
 
     def build_only(
@@ -300,7 +300,7 @@ def generated(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
 def test_shipped_sources_are_those_that_are_generated(
     generated: dict[str, str], request: pytest.FixtureRequest
 ) -> None:
-    """Assert that no file is stale, missing or left over; --update-golden writes them."""
+    """Assert that shipped files equal the generated ones; --update-golden writes them."""
     if request.config.getoption("--update-golden"):
         FOLDER.mkdir(exist_ok=True)
         for path in FOLDER.iterdir():
@@ -315,7 +315,7 @@ DRIVEN = flexible_joint(known={"beta1": 3.0})
 
 
 def test_stub_has_the_arguments_that_are_generated() -> None:
-    """Assert that the types of generated functions are those of functions that exist."""
+    """Assert that the stub's signatures are those of the generated functions."""
     declaration = LoopDeclaration(DRIVEN, pd_gravity(), sinusoid(1.0, 2.0))
     law = compose_loop(declaration)
     sources = [
@@ -331,6 +331,6 @@ def test_stub_has_the_arguments_that_are_generated() -> None:
 
 
 def signatures(source: str) -> dict[str, list[str]]:
-    """Return the arguments of each function of a source, by the function's name."""
+    """Return the arguments of each function in a source, by name."""
     functions = [node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef)]
     return {f.name: [argument.arg for argument in f.args.args] for f in functions}

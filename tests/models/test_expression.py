@@ -1,4 +1,4 @@
-"""The whitelist: what an expression may hold, and that nothing else gets through."""
+"""The whitelist of expressions: what is accepted, and refusal of the rest."""
 
 import math
 
@@ -55,7 +55,7 @@ def test_refused(text: str):
 
 @given(st.text(max_size=60))
 def test_any_text_is_accepted_or_refused(text: str):
-    """Assert that no text makes anything but an `ExpressionError` of one line."""
+    """Assert that any text is accepted, or refused by an `ExpressionError` of one line."""
     said = ""
     try:
         check_expression(text, NAMES, "here")
@@ -74,12 +74,12 @@ def test_any_text_is_accepted_or_refused(text: str):
     ],
 )
 def test_evaluate(text: str, value: float):
-    """Assert that an expression has its value."""
+    """Assert the value of an expression."""
     assert evaluate(text, VALUES, "here") == pytest.approx(value, rel=1e-15)
 
 
 @pytest.mark.parametrize("text", ["1/(x1 - 0.5)", "sqrt(-x1)", "(-x1)**0.5", "exp(x2*1e6)"])
 def test_no_finite_value(text: str):
-    """Assert that what has no value is refused with the values that it was to be computed of."""
+    """Assert that an expression without a finite value is refused with its arguments."""
     with pytest.raises(ExpressionError, match=r"no finite value for x1 = 0\.5, x2 = 3, u = 0\.25"):
         evaluate(text, VALUES, "here")

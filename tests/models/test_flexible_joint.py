@@ -1,4 +1,4 @@
-"""The flexible joint of eq. (4), its terms, and what is made of it."""
+"""The flexible joint of eq. (4), its terms, and models derived from it."""
 
 from functools import partial
 from math import inf, nan
@@ -26,7 +26,7 @@ EVERY = TERMS | SHAPE_TERMS
 
 
 def test_paper_s_model():
-    """Assert that the default is eq. (4); a known beta1 is a constant and no unknown."""
+    """Assert that the default is eq. (4), and that a known beta1 becomes a constant."""
     link, motor = flexible_joint().rows
     assert dict(link.regressors) == {"theta1": "-sin(x1)", "theta2": "-(x1 - x3)"}
     assert dict(motor.regressors) == {"alpha1": "x1 - x3", "alpha2": "-x4", "beta1": "u"}
@@ -45,7 +45,7 @@ def test_each_term_adds_its_coefficients(term: str):
 
 
 def test_what_no_joint_has_is_refused(refusals: Any):
-    """Assert that an unknown term or coefficient and an impossible smoothing are named."""
+    """Assert that unknown terms and coefficients, and invalid smoothing, are refused."""
     smoothed = partial(flexible_joint, ("motor_coulomb",), {})
     refusals(
         {
@@ -60,7 +60,7 @@ def test_what_no_joint_has_is_refused(refusals: Any):
 
 @pytest.mark.parametrize("term", sorted({*EVERY} - {"eccentricity"}))
 def test_terms_of_the_spring_are_tied(term: str):
-    """Assert that what acts on both sides of the spring is one torque over each side's inertia."""
+    """Assert that torques of the spring act on both sides, each over its inertia."""
     declared = EVERY[term]
     model = flexible_joint((term,))
     values = {x: 0.1 * (i + 1) for i, x in enumerate(model.states)} | {**model.constants, "u": 0.0}
@@ -74,14 +74,14 @@ def test_terms_of_the_spring_are_tied(term: str):
 
 @pytest.mark.parametrize("name", EVERY)
 def test_a_term_is_explained(name: str):
-    """Assert that a term says what it is, and that the page on notation has its coefficients."""
+    """Assert that a term has a description, and its coefficients are on the page on notation."""
     declared = NOTATION.read_text(encoding="utf-8")
     assert EVERY[name].description
     assert [c for c in {*EVERY[name].link, *EVERY[name].motor} if f"`{c}`" not in declared] == []
 
 
 def test_limit_of_the_flexible_joint():
-    """Assert that a joint of great stiffness moves as the rigid joint of the summed inertias."""
+    """Assert that a very stiff joint moves as the rigid joint with the sum of inertias."""
     t = 2e-3 * np.arange(1000)
     u = (4.0 * np.sin(3 * t) + 1.0)[:, None]
     link, motor, stiffness = 1.0, 0.3, 1e6
@@ -111,13 +111,13 @@ def test_limit_of_the_flexible_joint():
 
 
 def test_every_term_of_the_flexible_joint_is_placed():
-    """Assert that all terms map to all rigid ones but one, and those of the spring to none."""
+    """Assert that terms map to all rigid terms but one, and terms of the spring to none."""
     assert {*RIGID_TERMS} - {*rigid_terms(TERMS)} == {"viscous_asymmetry"}
     assert rigid_terms(("joint_damping", "cubic_stiffness")) == ()
 
 
 def test_a_row_alone():
-    """Assert that it is the joint's row as it was, without constants that only the other uses."""
+    """Assert that the row is unchanged, without constants that only the other row uses."""
     joint = flexible_joint(tuple(TERMS), {"theta2": 100.0})
     alone = row_alone(joint, "link")
     assert (alone.rows, alone.states) == ((joint.rows[0],), ("x1", "x2"))

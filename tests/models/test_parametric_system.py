@@ -1,4 +1,4 @@
-"""Declarations in Python and in TOML: names, order, digest, and what is refused in one sentence."""
+"""Declarations in Python and in TOML: names, order, digest, and refusals."""
 
 from functools import partial
 from pathlib import Path
@@ -21,7 +21,7 @@ def test_sympy_expressions_are_stored_as_text():
 
 
 def test_the_digest_is_of_all_expressions_and_names():
-    """Assert that it sees a sign in a regressor and a constant's name, but no constant's value."""
+    """Assert that the digest covers signs of regressors and names of constants, not values."""
 
     def system(**constants: float) -> ParametricSystem:
         return ParametricSystem("m", (ARM,), constants=constants)
@@ -35,9 +35,9 @@ def test_the_digest_is_of_all_expressions_and_names():
 
 NAMES = ("1a", "a b", "_a", "class", "", "sin", "pi", "np", "log", "a.b", "lambda")
 ROWS: dict[str, tuple[Row, ...]] = {
-    # A coefficient's name that means something else or nothing.
+    # Names of coefficients with another meaning, or that are invalid.
     **{f"a coefficient {name!r}": (Row("arm", "q", "v", {name: "q"}),) for name in NAMES},
-    # The class is linear in its coefficients.
+    # Systems are linear in their coefficients.
     "a coefficient inside a regressor": (Row("arm", "q", "v", {"a": "b*q", "b": "v"}),),
     "no rows": (),
     "no coefficients": (Row("arm", "q", "v", {}),),
@@ -51,7 +51,7 @@ ROWS: dict[str, tuple[Row, ...]] = {
 
 
 def test_rows_that_declare_no_system(refusals: Any):
-    """Assert that each is refused, with a remedy for a name that Python's grammar keeps."""
+    """Assert that invalid rows are refused, with a remedy for Python's keywords."""
     refusals({name: partial(ParametricSystem, "m", rows) for name, rows in ROWS.items()})
 
 
@@ -79,7 +79,7 @@ def write(folder: Path, text: str) -> Path:
 
 
 def test_good_file(tmp_path: Path):
-    """Assert that a file declares what it says."""
+    """Assert that a file declares name, states, coefficients, constants and known part."""
     system = read_model(write(tmp_path, GOOD))
     assert system.name == "pendulum"
     assert system.states == ("q", "v")
@@ -89,7 +89,7 @@ def test_good_file(tmp_path: Path):
 
 
 def test_input_and_known_part_may_be_left_out(tmp_path: Path):
-    """Assert that the input is u and the known part 0 where the file is silent."""
+    """Assert the defaults: the input is u and the known part 0."""
     text = GOOD.replace('inputs = ["u"]', "").replace('known = "u/inertia"', "")
     system = read_model(write(tmp_path, text))
     assert (system.inputs, system.rows[0].known) == (("u",), "0")

@@ -60,7 +60,7 @@ rigid = partial(physical_parameters, kind="rigid")
     [
         (joint_coefficients(TRUTH), physical_parameters, TRUTH),
         (joint_coefficients(TRUTH), lambda c, **_: physical_parameters(c, False), RATIOS),
-        # An encoder that is off leaves the whole torque of gravity, beside the angle; rigid too.
+        # With an encoder's offset, gravity is a torque and an angle, for the rigid joint too.
         (OFF_ZERO, physical_parameters, TRUTH | {"gravity_angle": 0.2}),
         (
             RIGID,
@@ -71,13 +71,13 @@ rigid = partial(physical_parameters, kind="rigid")
     ],
 )
 def test_map_is_inverted(coefficients, table, truth):
-    """Assert that physical parameters survive the way to coefficients and back."""
+    """Assert that physical parameters are recovered from their coefficients."""
     found = {p.name: p.value(coefficients) for p in table(coefficients, input_is_torque=True)}
     assert found == pytest.approx(truth, rel=1e-13)
 
 
 def test_gradient_exists_where_a_coefficient_is_zero():
-    """Assert that an absent friction has a derivative although its logarithm has none."""
+    """Assert that an absent friction has a derivative, although its logarithm has none."""
     coefficients = {**joint_coefficients(TRUTH), "alpha2": 0.0}
     table = {p.name: p for p in physical_parameters(coefficients, input_is_torque=True)}
     gradient = table["motor_viscous_friction"].gradient(coefficients, ["alpha2", "beta1"])
@@ -89,7 +89,7 @@ def test_every_coefficient_has_a_unit_and_a_meaning():
     system = flexible_joint(tuple(TERMS | SHAPE_TERMS))
     assert set(system.coefficients) == set(COEFFICIENT_UNITS)
     used = {c for p in physical_parameters(system.coefficients, True) for c in p.coefficients}
-    # The ties are the link's view of what the motor row gives.
+    # Tied coefficients follow from those of the motor's row.
     assert used | set(TIES) == set(system.coefficients)
 
     names = rigid_joint(RIGID_TERMS).coefficients
@@ -121,7 +121,7 @@ def test_gradients_are_those_that_differences_show(coefficients, table, input_is
     for parameter in table(coefficients, input_is_torque):
         numeric = []
         for name in names:
-            # Rounding and the next order give each 1e-10 of value over coefficient.
+            # Rounding and truncation each contribute 1e-10 of value over coefficient.
             step = 1e-5 * abs(coefficients[name])
             up = parameter.value({**coefficients, name: coefficients[name] + step})
             down = parameter.value({**coefficients, name: coefficients[name] - step})
@@ -131,7 +131,7 @@ def test_gradients_are_those_that_differences_show(coefficients, table, input_is
 
 
 def test_friction_by_direction():
-    """Assert that friction by direction is what brakes a rigid joint that turns either way."""
+    """Assert that viscous and Coulomb friction by direction give the rigid joint's friction."""
     found = {p.name: p for p in rigid(BY_DIRECTION, input_is_torque=True)}
     for direction, v in (("forwards", 1.0), ("backwards", -1.0)):
         viscous = found[f"viscous_friction_{direction}"].value(BY_DIRECTION)
@@ -142,13 +142,13 @@ def test_friction_by_direction():
 
 
 def test_an_angle_differs_by_the_shorter_way_round():
-    """Assert that angles differ by at most half a turn, and other parameters by their values."""
+    """Assert that angles differ by at most half a turn, and other parameters by subtraction."""
     assert difference("gravity_angle", 3.1, -3.1) == pytest.approx(2.0 * np.pi - 6.2)
     assert difference("gravity_torque", 3.0, -3.0) == -6.0
 
 
 def test_a_prismatic_joint_has_newtons_kilograms_and_metres():
-    """Assert that declared units hold for a revolute joint and have counterparts for the other."""
+    """Assert that revolute units are kept, or converted for a prismatic joint."""
     assert unit_of("N m s/rad", "revolute") == "N m s/rad"
     assert unit_of("N m s/rad", "prismatic") == "N s/m"
     assert unit_of("kg m^2", "prismatic") == "kg"
