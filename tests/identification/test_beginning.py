@@ -204,7 +204,7 @@ def test_a_hold_whose_steps_do_not_end_is_no_rival(
 def reported(monkeypatch):
     """Return a function that fits to all data; the first `failing` fits fail."""
 
-    def result(failing: int, *, anyhow: bool = True):
+    def result(failing: int, *, fallback: bool = True):
         tried = []
 
         def fit_to(structure, data, start, duration):
@@ -225,7 +225,7 @@ def reported(monkeypatch):
         before = SimpleNamespace(by_name={"theta2": 1.0})
         choice: Any = SimpleNamespace(structure=structure, fitted=before, duration=3.0)
         whole: Any = "all data"
-        return *final._reported(choice, whole, anyhow=anyhow), tried, before
+        return *final._reported(choice, whole, fallback=fallback), tried, before
 
     return result
 
@@ -247,5 +247,5 @@ def test_a_fit_to_all_data_begins_where_the_choice_ended(reported, failing):
 def test_a_fit_that_need_not_stand_is_not_begun_anew(reported):
     """Assert that one failure ends the fit if a fit with disturbances can replace it."""
     with pytest.raises(ConvergenceError, match="nowhere"):
-        reported(1, anyhow=False)
-    assert reported(0, anyhow=False)[0] == "fitted, its shapes settled"
+        reported(1, fallback=False)
+    assert reported(0, fallback=False)[0] == "fitted, its shapes settled"

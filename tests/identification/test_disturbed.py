@@ -315,7 +315,7 @@ def test_a_fit_whose_steps_do_not_end_is_compared_with_no_other(monkeypatch: pyt
     """Assert that halves and other bands are fitted only for a converged fit."""
     case, fit = CASES["a pushed link"], fitted("a pushed link")[0]
     made: list[object] = []
-    monkeypatch.setattr(estimating, "_again", lambda *given: made.append(given))
+    monkeypatch.setattr(estimating, "_refit", lambda *given: made.append(given))
     disturbed_estimate(fit, case.data, "N m")
     assert made
     ended = len(made)

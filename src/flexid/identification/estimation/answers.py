@@ -104,9 +104,9 @@ def answer(job: Job) -> Answer:
     well_known = 0.5 * job.thresholds.noted_width  # two deviations are half an interval
     if nearly and _core_width(nearly) <= well_known:
         return _judged(nearly, nearly.fits.choice.fitted, job)
-    disturbed = _if_possible(job)
+    disturbed = _disturbed_or_none(job)
     if disturbed is None:
-        return exact or _exact(job, chosen, anyhow=True)
+        return exact or _exact(job, chosen, fallback=True)
     if nearly and _core_width(nearly) <= _core_width(disturbed):
         return _judged(nearly, nearly.fits.choice.fitted, job)
     return disturbed
@@ -117,11 +117,11 @@ def _reportable_exact(job: Job, chosen: tuple[Choice, Validation]) -> Answer | N
     fitted, thresholds = chosen[0].fitted, job.thresholds
     if not (job.exact or may_stand(fitted, thresholds)):
         return None
-    anyhow = job.exact or _explains(fitted, job)
+    fallback = job.exact or _explains(fitted, job)
     try:
-        return _exact(job, chosen, anyhow=anyhow)
+        return _exact(job, chosen, fallback=fallback)
     except ConvergenceError:
-        if anyhow:
+        if fallback:
             raise
         return None
 
@@ -151,20 +151,20 @@ def _core_width(found: Answer) -> float:
     return float(np.exp(np.mean(np.log(np.maximum(widths, np.finfo(float).tiny)))))
 
 
-def _exact(job: Job, chosen: tuple[Choice, Validation], *, anyhow: bool) -> Answer:
+def _exact(job: Job, chosen: tuple[Choice, Validation], *, fallback: bool) -> Answer:
     """Return the answer of the exact fit, which assumes sensor noise alone."""
     choice, validation = chosen
     job.progress("fit to all data")
     rate, thresholds = job.settings.filter_rate, job.thresholds
     rest = rate, thresholds
-    fits = final_fits(choice, job.whole, job.recordings, *rest, anyhow=anyhow)
+    fits = final_fits(choice, job.whole, job.recordings, *rest, fallback=fallback)
     if hardly_known(fits.reported, thresholds):
         job.progress("trying each term's absence")
         leaner, gone = one_by_one(fits.reported, job.kept, thresholds)
         if gone and (fitted := fit_like(leaner.structure, choice.fitted)):
             terms = latest(choice.terms, gone)
             choice = replace(choice, structure=leaner.structure, fitted=fitted, terms=terms)
-            fits = final_fits(choice, job.whole, job.recordings, *rest, anyhow=anyhow)
+            fits = final_fits(choice, job.whole, job.recordings, *rest, fallback=fallback)
     job.progress("removed terms")
     estimate = with_doubts(fits, job.delay_in_doubt, thresholds)
     doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (job.input_unit == "V")
@@ -193,7 +193,7 @@ def between_lengths(fits: FinalFits, thresholds: Thresholds) -> FloatArray:
     return between_bands(first, others)
 
 
-def _if_possible(job: Job) -> Answer | None:
+def _disturbed_or_none(job: Job) -> Answer | None:
     """Return the fit with disturbances; None if it does not converge."""
     try:
         return _disturbed(job)

@@ -55,9 +55,9 @@ from flexid.recording.recording import Hold
 _ROUNDS = 3  # of removing terms
 # Largest ratio of unexplained shares after and before terms are removed. It was up to 1.2 for 15
 # logs, and 2.1 and 4.5 for two short logs that had lost a friction or the spring.
-_NO_MORE = 1.5
+_CLEARLY_MORE = 1.5
 # Coefficients of the spring in the link's row, and those in the motor's row.
-_OF_LINK = {SPRING[0]: SPRING[1]} | {
+_MOTOR_OF_LINK = {SPRING[0]: SPRING[1]} | {
     link: motor
     for term in (TERMS["cubic_stiffness"], SHAPE_TERMS["backlash"])
     for link, motor in zip(term.link, term.motor, strict=True)
@@ -227,10 +227,10 @@ def _with_play(
 
 def _stiffer(values: Mapping[str, float], link: Mapping[str, float]) -> dict[str, float]:
     """Return values with the link's spring by least squares, in both balances."""
-    own = {name: link[name] for name in _OF_LINK if name in link}
+    own = {name: link[name] for name in _MOTOR_OF_LINK if name in link}
     if "alpha1" not in values:
         return {**values, **own}
-    motor = {alpha: own[theta] for theta, alpha in _OF_LINK.items() if theta in own}
+    motor = {alpha: own[theta] for theta, alpha in _MOTOR_OF_LINK.items() if theta in own}
     share = values["alpha1"] / values["theta2"]
     return {**values, **own, **{name: share * value for name, value in motor.items()}}
 
@@ -268,7 +268,7 @@ def _leaves_more(leaner: FitInBand, fuller: FitInBand) -> bool:
         sum(_shares(f.fitted, f.sizes).values()) * f.fitted.excess**0.5
         for f in (fuller, leaner)
     )
-    return leaner.cost > fuller.cost and after > _NO_MORE * before
+    return leaner.cost > fuller.cost and after > _CLEARLY_MORE * before
 
 
 def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
@@ -332,10 +332,10 @@ def _shares(fitted: Fitted, sizes: Sizes) -> dict[str, float]:
         # An error of either position acts on both rows through the spring.
         beyond = np.sum(np.maximum(sizes.sensors**2 - noise_in_band(data) ** 2, 0.0))
         shares = shares + beyond / max(float(moved), np.finfo(float).tiny)
-    names = [_name(row.name) for row in fitted.problem.unknowns.system.rows]
+    names = [_side(row.name) for row in fitted.problem.unknowns.system.rows]
     return dict(zip(names, np.minimum(np.sqrt(shares), 1.0).tolist(), strict=True))
 
 
-def _name(row: str) -> str:
+def _side(row: str) -> str:
     """Return the side that a row is the balance of."""
     return "motor" if row == "rigid" else row

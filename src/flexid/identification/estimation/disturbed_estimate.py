@@ -121,7 +121,7 @@ def _by_gauge(found: Disturbed, data: Data) -> FloatArray | None:
     """Return the change of each value, shape (k,), if the deflection sensor reads 1 % more."""
     if not data.relative_to:
         return None
-    other = _again(found, _rescaled(data, 1.01), found.factor)
+    other = _refit(found, _rescaled(data, 1.01), found.factor)
     return (
         np.zeros(len(found.fitted.names)) if other is None else other.values - found.fitted.values
     )
@@ -169,17 +169,17 @@ def _in_other_bands(found: Disturbed, data: Data) -> list[Repeat]:
     factors = {thinning(data, found.fitted.by_name, share * PER_PERIOD) for share in _BANDS} - {
         found.factor
     }
-    others = side_by_side(lambda factor: _again(found, data, factor), sorted(factors))
+    others = side_by_side(lambda factor: _refit(found, data, factor), sorted(factors))
     return [other for other in others if other is not None]
 
 
 def _halves(found: Disturbed, data: Data) -> tuple[Repeat, Repeat] | None:
     """Fit the structure to either half of every recording; None if one of the fits fails."""
-    first, second = side_by_side(lambda half: _again(found, half, found.factor), data.halves())
+    first, second = side_by_side(lambda half: _refit(found, half, found.factor), data.halves())
     return (first, second) if first and second else None
 
 
-def _again(found: Disturbed, data: Data, factor: int) -> Repeat | None:
+def _refit(found: Disturbed, data: Data, factor: int) -> Repeat | None:
     fitted = found.fitted
     try:
         other = fit_in_band(

@@ -106,7 +106,7 @@ def further_modes(doubted: Doubted) -> FloatArray:
 
 def cable(doubted: Doubted) -> FloatArray:
     """Return errors of gravity by a cable that pulls the link back."""
-    return doubted.diagonal(lambda name, _: _CABLE * _per_size(doubted, name, LINK_GRAVITY))
+    return doubted.diagonal(lambda name, _: _CABLE * _inverse_size(doubted, name, LINK_GRAVITY))
 
 
 def eccentric_encoders(doubted: Doubted) -> FloatArray:
@@ -298,6 +298,6 @@ def widened(
     return estimate, causes
 
 
-def _per_size(doubted: Doubted, name: str, of: frozenset[str]) -> float:
+def _inverse_size(doubted: Doubted, name: str, of: frozenset[str]) -> float:
     size = doubted.sizes.get(name, 0.0)
     return 1.0 / size if size and name in of else 0.0

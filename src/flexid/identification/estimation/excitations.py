@@ -46,7 +46,7 @@ def row_excitation(row: RowFit, known: Collection[str]) -> Excitation:
         return Excitation(row.name, (), np.ones(1), 0.0, (), np.empty(0), 0.0, ())
     names = [row.coefficients[place] for place in sought]
     gram = row.gram[np.ix_(sought, sought)]
-    centred = _from_its_mean(names, gram)
+    centred = _centred_gram(names, gram)
     used = centred.gram if centred.moves else gram  # without motion the remainder is only rounding
     return excitation_of_gram(row.name, names, used / row.count)
 
@@ -59,7 +59,7 @@ class _Centred(NamedTuple):
     moves: bool  # whether the centred regressors show motion, not only noise and rounding
 
 
-def _from_its_mean(names: Sequence[str], gram: FloatArray) -> _Centred:
+def _centred_gram(names: Sequence[str], gram: FloatArray) -> _Centred:
     constants = [i for i, name in enumerate(names) if name.partition("[")[0] in _OFFSETS]
     nearly_constant = [i for i, name in enumerate(names) if name in _NEARLY_CONSTANT]
     change = np.eye(len(names))
@@ -132,7 +132,7 @@ def directions(row: RowFit, values: Mapping[str, float]) -> tuple[FloatArray, li
     coefficients in each combination. A row of one coefficient has none.
     """
     names = row.coefficients
-    centred = _from_its_mean(names, row.gram)
+    centred = _centred_gram(names, row.gram)
     gram = centred.gram if centred.moves else row.gram
     total = max(row.total_sum, _NO_MOTION)
     own = np.linalg.solve(centred.change.T, np.array([values.get(name, 0.0) for name in names]))

@@ -81,7 +81,7 @@ class FinalFits:
         """
         fixed = {**structure.fixed, **self.reported.at_bound}
         bare = replace(structure, fixed=fixed)
-        return least_squares_start(bare, data or self._timely, self.filter_rate)[1]
+        return least_squares_start(bare, data or self._aligned_data, self.filter_rate)[1]
 
     @cached_property
     def _full_rows(self) -> tuple[RowFit, ...]:
@@ -89,7 +89,7 @@ class FinalFits:
         return self.least_squares(self.full.structure).rows
 
     @cached_property
-    def _timely(self) -> Data:
+    def _aligned_data(self) -> Data:
         """All data with the channels' delays corrected."""
         alignment = _alignment(self.reported.structure, self.reported.delays)
         whole = self.recordings.whole
@@ -119,7 +119,7 @@ class FinalFits:
         structure, full = self.choice.structure, self.choice.full
         gravity = frozenset(coefficients_of("gravity")) - full.absent
         heavy = replace(structure, absent=structure.absent - gravity)
-        noisier = self._timely.with_noise(_NOISE_SEED)
+        noisier = self._aligned_data.with_noise(_NOISE_SEED)
         independent = max(1.0, self.filter_rate * noisier.duration)
         pairs = zip(
             self.least_squares(heavy).rows, self.least_squares(heavy, noisier).rows, strict=True
@@ -144,15 +144,15 @@ def final_fits(
     filter_rate: float | Literal["auto"],  # in 1/s
     thresholds: Thresholds,
     *,
-    anyhow: bool,
+    fallback: bool,
 ) -> FinalFits:
     """Fit the chosen structure and the full model to all data.
 
-    If the fit does not converge, `anyhow` falls back on the fit to the data before the held-out
-    ends; otherwise `ConvergenceError` is raised.
+    If the fit does not converge, the fit to the data before the held-out ends is used with
+    `fallback`; without it `ConvergenceError` is raised.
     """
     whole = replace(whole, refinement=choice.fitted.data.refinement)
-    reported, lengths_fitted, retreat = _reported(choice, whole, anyhow=anyhow)
+    reported, lengths_fitted, retreat = _reported(choice, whole, fallback=fallback)
     choice = _as_reported(choice, reported)
     error = error_of(reported, lengths_fitted, thresholds)
     rate = suited_rate(reported, filter_rate)
@@ -175,16 +175,16 @@ def with_doubts(fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds) -
 
 
 def _reported(
-    choice: Choice, whole: Data, *, anyhow: bool
+    choice: Choice, whole: Data, *, fallback: bool
 ) -> tuple[Fitted, list[Fitted], tuple[str, ...]]:
-    """Fit the structure to all data; after a failure with `anyhow`, return the choice's own fit."""
+    """Fit the structure to all data; on failure, with `fallback`, return the choice's own fit."""
     structure = choice.structure
     start = {**structure.timing.delays, **choice.fitted.by_name}
     for begin in (lambda: start, lambda: _new_start(choice, whole)):
         try:
             fitted, lengths_fitted = fit_to(structure, whole, begin(), choice.duration)
         except ConvergenceError:
-            if not anyhow:
+            if not fallback:
                 raise
             continue
         last = settled(fitted)

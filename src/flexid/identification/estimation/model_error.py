@@ -183,10 +183,10 @@ def input_noise(fitted: Fitted) -> InputNoise:
 
 def with_more(fitted: Fitted, noise: FloatArray) -> tuple[float, FloatArray]:
     """Return the changes of the least cost and of the values, shape (k,), by noise of the input."""
-    return _under(fitted, fitted.problem.segments.inputs[:, 0] + noise, fitted.values)
+    return _change(fitted, fitted.problem.segments.inputs[:, 0] + noise, fitted.values)
 
 
-def _under(fitted: Fitted, signal: FloatArray, values: FloatArray) -> tuple[float, FloatArray]:
+def _change(fitted: Fitted, signal: FloatArray, values: FloatArray) -> tuple[float, FloatArray]:
     """Return the changes of the least cost and of the values, shape (k,), under another input.
 
     They come from one step from the given values.
@@ -218,7 +218,7 @@ def lagged(fitted: Fitted) -> FloatArray:
         other = _low_passed if delay > 0.0 else before_a_lag
         signal[first:last] = other(signal[first:last], abs(delay) / samples.sample_time)
     own = np.array([name == INPUT for name in fitted.names])
-    more, change = _under(fitted, signal, np.where(own, 0.0, fitted.values))
+    more, change = _change(fitted, signal, np.where(own, 0.0, fitted.values))
     chance = CHANCE * max(fitted.excess, 1.0)
     if more > chance:
         return np.zeros(len(own))

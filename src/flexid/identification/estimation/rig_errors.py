@@ -35,7 +35,7 @@ def likely_changes(
     """
     size = np.sqrt(max(fitted.excess, 1.0) * scatter)
     before = _innovations(fitted.problem, fitted.minimum.equations) / size
-    followed = [_followed(fitted, rig) for rig in rigs]
+    followed = [_step_and_innovations(fitted, rig) for rig in rigs]
     steps = np.array([step for step, _ in followed]) / SHARE
     changes = np.array([after / size - before for _, after in followed]) / SHARE
     covariance = np.linalg.inv(changes @ changes.T + np.eye(len(rigs)))
@@ -43,7 +43,7 @@ def likely_changes(
     return steps.T @ np.column_stack((np.linalg.cholesky(covariance), mean))
 
 
-def _followed(fitted: Fitted[M], rig: SegmentedMotion) -> tuple[FloatArray, FloatArray]:
+def _step_and_innovations(fitted: Fitted[M], rig: SegmentedMotion) -> tuple[FloatArray, FloatArray]:
     """Return the step of the values, shape (k,), for another rig, and its innovations, flat."""
     point, before = fitted.minimum.point, fitted.minimum.reduced
     reduced = rig.solve(rig.equations(point))

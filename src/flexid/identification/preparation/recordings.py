@@ -115,9 +115,9 @@ def prepare(
     """Return the recordings that are long enough, and warnings about parts that were left out."""
     check_distinct(logs)
     check_alike(logs)
-    taken, rigid = _taken_as(model, logs)
+    taken, rigid = _visible_model(model, logs)
     every = [
-        (group, _seen_by(taken, recording))
+        (group, _with_channels_of(taken, recording))
         for group, log in enumerate(logs)
         for recording in log.recordings
     ]
@@ -139,7 +139,7 @@ def prepare(
     return SplitRecordings(recorded, starts, groups), tuple(warnings)
 
 
-def _taken_as(model: Kind | Auto, logs: Sequence[Log]) -> tuple[Kind | Auto, list[str]]:
+def _visible_model(model: Kind | Auto, logs: Sequence[Log]) -> tuple[Kind | Auto, list[str]]:
     """Return the model and warnings; the rigid joint if the deflection is only noise."""
     recordings = [recording for log in logs for recording in log.recordings]
     if model != "auto" or not all(
@@ -190,7 +190,7 @@ def _left_out(source: str, short: list[Recording]) -> str:
     )
 
 
-def _seen_by(model: Kind | Auto, recording: Recording) -> Recording:
+def _with_channels_of(model: Kind | Auto, recording: Recording) -> Recording:
     """Return the recording with only the channels of the model."""
     if model == "auto":
         return recording

@@ -31,7 +31,7 @@ from flexid.identification.vocabulary.evidence import Estimate, SegmentEvidence,
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE, POSITIVE, SATURATION, coefficients_of
 
-_TAKEN = 0.5  # least share of the residuals beyond noise that unusual terms must explain
+_LEAST_EXPLAINED = 0.5  # least share of the residuals beyond noise that unusual terms must explain
 _NO_WORSE = 1.01  # largest ratio of excesses for a fit with more terms, whose steps are rough
 _ROUNDS = 2  # of removing terms and fitting over longer segments
 CORE = POSITIVE.union(coefficients_of("gravity"))
@@ -211,7 +211,7 @@ def _wider(
             break
     else:
         return best, by_length
-    if narrow.excess - wider.excess < _TAKEN * (narrow.excess - 1.0):
+    if narrow.excess - wider.excess < _LEAST_EXPLAINED * (narrow.excess - 1.0):
         return wider, by_length
     wider = settled(wider)
     if best.excess <= thresholds.sensor_excess or len(by_length.holds) == 1:

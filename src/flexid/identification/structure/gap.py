@@ -71,7 +71,7 @@ _NEARER = 0.5  # ratio by which the difference of width and gap must fall
 _PROMISED = 0.5  # largest ratio of a row's squared residuals with play to those without
 # Largest unexplained share of the link's squared acceleration with play. If no spring moves the
 # link, as in a clamped or pushed link, any play is equally likely.
-_A_SPRING = 0.5
+_MOST_UNEXPLAINED = 0.5
 
 
 def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
@@ -88,7 +88,7 @@ def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
         trail.append((width, gap))
         # From a distant width, half the step may succeed where the whole step fails.
         tries = dict.fromkeys((met(trail), gap, (gap * width) ** 0.5))
-        fits = (_narrowed(fitted, own) for own in tries)
+        fits = (_with_width(fitted, own) for own in tries)
         better = next((found for found in fits if found is not None), None)
         if better is None:
             return fitted
@@ -121,7 +121,7 @@ def met(trail: list[tuple[float, float]]) -> float:
     return met if met > 0.0 else gap
 
 
-def _narrowed(fitted: Fitted, width: float) -> Fitted | None:
+def _with_width(fitted: Fitted, width: float) -> Fitted | None:
     """Return a fit with another width; None if its first steps do not improve the fit."""
     structure = following(fitted, width)
     first = led_from(fitted, structure, steps=EXPLORING)
@@ -326,7 +326,7 @@ def likely_play(structure: Structure, data: Data) -> LikelyPlay | None:
         wide = replace(spring, absent=spring.absent - play)
         for (own, start, fit), (other, its_fit) in _by_rate(wide, structure, data):
             left, its = (unexplained_link(each) for each in (fit, its_fit))
-            if left < min(least * its, _A_SPRING) and other["theta2"] > 0.0:
+            if left < min(least * its, _MOST_UNEXPLAINED) and other["theta2"] > 0.0:
                 stiffer = abs(start["theta2"] / other["theta2"] - 1.0)
                 found, least = LikelyPlay(own, start, stiffer, left / its), left / its
         least *= LIKELIER if found else 1.0  # any play leaves slightly less, also with hardening
