@@ -2,9 +2,9 @@
 
 The spread of the scores between blocks does not contain an error that repeats itself in each block.
 The part of such an error across the coefficients shows in the residuals. The part along a
-coefficient does not show, and is a bias. If both parts are equally large, the bias of a coefficient
-is its standard deviation for noise of unit size, times the root of the residuals' weighted sum of
-squares beyond noise.
+coefficient does not show, and is a bias. Let E be the weighted sum of squares beyond noise. If both
+parts are equally large, the bias of a coefficient is its standard deviation for noise of unit size,
+times the root of E.
 
 Noise of the torque also makes residuals large, but causes no bias. The growth of the residuals
 distinguishes it. The variance of a motion under white noise grows with the cube of the time since a

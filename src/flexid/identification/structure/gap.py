@@ -247,9 +247,9 @@ def _spread(fitted: Fitted, gradient: FloatArray) -> float:
 def with_free_width(estimate: Estimate, fitted: Fitted) -> Estimate:
     """Return the estimate with the uncertainty of the play's width in its covariance.
 
-    The width follows the gap. With e the errors of the values at a fixed width, d their derivatives
-    by the width, and g the derivatives of the gap, the error of the width is g·e / (1 - g·d), and
-    that of the values is (I + d gᵀ / (1 - g·d)) e.
+    The width follows the gap. Let e be the errors of the values at a fixed width, d their
+    derivatives by the width, and g the derivatives of the gap. Then the width has the error
+    g·e / (1 - g·d), and the values have the errors (I + d gᵀ / (1 - g·d)) e.
     """
     deviation = _deviation(fitted)
     if not is_dead_zone(fitted) or not 0.0 < deviation < half_gap(fitted):

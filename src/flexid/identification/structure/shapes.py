@@ -1,10 +1,9 @@
 """Terms with constants that are sought in the log: ripple, Stribeck friction, a bent spring.
 
 Cogging, gear teeth and uneven commutation act on the motor as a sine of its position. The residuals
-of the motor's row, summed over the position, show in their spectrum how many periods such a sine
-has in a turn, unless the whole motion has only a few. Stribeck friction falls from its static value
-as the motor moves. A bent spring has another stiffness beyond some deflection, as in gear
-catalogues.
+of the motor's row are summed over the position. Their spectrum shows the number of periods in a
+turn, unless the whole motion has only a few. Stribeck friction falls from its static value as the
+motor moves. A bent spring has another stiffness beyond some deflection, as in gear catalogues.
 
 Such a term is tried if the usual terms leave more than noise. It starts with the constant that is
 predicted to explain the most. Then the fit finds coefficients and constant together.
