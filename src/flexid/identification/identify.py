@@ -175,13 +175,13 @@ def _answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
     if early > 0.0 and not _explains(found, job.thresholds):
         job.progress("a filter of the logged input")
         lagging = with_log_lag(*balance, amplifier, early)
-        sharp = _with_amplifier(lagging, logged)
+        unfiltered = _with_amplifier(lagging, logged)
         other = found
         if lagging.log_lag:
             with suppress(ConvergenceError):
-                other = answer(sharp)
+                other = answer(unfiltered)
         if _is_likelier(other, found):
-            job, found, amplifier = sharp, other, lagging
+            job, found, amplifier = unfiltered, other, lagging
             changes.append(log_lag_changes(*balance, lagging))
     estimate = found.estimate
     for change in changes:

@@ -97,17 +97,17 @@ def one_way_frictions(
     """
     hidden: dict[str, dict[str, float]] = {}
     for row in rows:
-        beside = [i for i, name in enumerate(row.coefficients) if name in kept]
+        kept_places = [i for i, name in enumerate(row.coefficients) if name in kept]
         for place, name in enumerate(row.coefficients):
             if name not in declared.DRY_FRICTIONS or name in kept:
                 continue
             moving = np.abs(row.regressors[place]) >= DIRECTED
-            ways, others = row.regressors[place, moving], row.regressors[beside][:, moving]
+            ways, others = row.regressors[place, moving], row.regressors[kept_places][:, moving]
             if np.mean(moving) < _MOSTLY or len({*np.sign(ways).tolist()}) > 1:
                 continue
             parts = np.linalg.lstsq(others.T, ways)[0]
             if np.linalg.norm(ways - parts @ others) < lost_share * np.linalg.norm(ways):
-                names = [row.coefficients[i] for i in beside]
+                names = [row.coefficients[i] for i in kept_places]
                 hidden[name] = dict(zip(names, parts.tolist(), strict=True))
     return hidden
 

@@ -262,10 +262,10 @@ def hidden_covariance(fits: FinalFits, certain: Collection[str] = ()) -> FloatAr
             shift = np.array([parts.get(other, 0.0) for other in reported.names])
             added += _mean_square(0.0, np.inf, scale) * np.outer(shift, shift)
             continue
-        beside = np.isin(np.arange(len(names)), [*kept, i])
-        place = int(np.count_nonzero(beside[:i]))
+        considered = np.isin(np.arange(len(names)), [*kept, i])
+        place = int(np.count_nonzero(considered[:i]))
         # A difference of informations would lose the remainder to rounding.
-        least = least_with(beside, information, values)
+        least = least_with(considered, information, values)
         variance = np.inf if least.free[place] else float(least.inverse[place, place])
         seen = float(least.values[place]), _deviation(full, i, variance)
         is_certain = name.partition("[")[0] in certain
