@@ -178,7 +178,7 @@ def test_one_encoder_gives_the_rigid_joint():
     ("given", "words"),
     [
         ({"bounds": {"alpha2": (1.0, 2.0)}}, "alpha2 is bounded by 1, which contradicts the log"),
-        ({"known": {"motor_inertia": 0.6}}, "motor_inertia is known as 0.6.*the log alone gives 0.3 ±"),
+        ({"known": {"motor_inertia": 0.6}}, "is known as 0.6.*the log alone gives 0.3 ±"),
         (
             {"known": {"motor_inertia": 0.4}, "known_deviations": {"motor_inertia": 0.001}},
             "motor_inertia is known as 0.4 ± 0.001",
