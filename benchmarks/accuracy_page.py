@@ -146,12 +146,12 @@ def _beside_casadi(found: Mapping[str, Any]) -> list[str]:
         )
         for some in runs
     )
-    said = (
+    text = (
         f"At equal accuracy ({_SAME_DATA}; errors {own:.2g} % and {error:.2g} %) CasADi's multiple "
         f"shooting takes {clock / own_clock:.0f} times as long as flexid's prediction error over "
         f"segments of 10 s, {processor / own_processor:.0f} times by the processors' seconds."
     )
-    return [*wrap(said, _WIDTH), ""]
+    return [*wrap(text, _WIDTH), ""]
 
 
 def _finished(runs: Sequence[Run]) -> dict[int, Run]:
@@ -161,12 +161,12 @@ def _finished(runs: Sequence[Run]) -> dict[int, Run]:
 def _command(command: Mapping[str, float] | None) -> list[str]:
     if command is None:
         return []
-    said = (
+    text = (
         f"The whole command `flexid identify examples/flexible_joint.csv --json`, imports "
         f"included: {command['later']:g} s, and {command['first']:g} s the first time on a "
         f"machine, when it compiles."
     )
-    return [*wrap(said, _WIDTH), ""]
+    return [*wrap(text, _WIDTH), ""]
 
 
 def _failures(tools: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:

@@ -271,8 +271,8 @@ def _guided(name: str, seconds: float, seed: int, keep: Path) -> Tally:
         capture_output=True, text=True, errors="replace", check=False,
         env={**os.environ, "MALLOC_PERTURB_": "165"},  # shows reads of uninitialised memory
     )  # fmt: skip
-    said = done.stdout + done.stderr
-    (folder / "log.txt").write_text(said)
+    output = done.stdout + done.stderr
+    (folder / "log.txt").write_text(output)
     runs = re.findall(r"#(\d+)\s.*cov: (\d+)", done.stderr)
     counts = json.loads((folder / "tally.json").read_text())
     tally = Tally(read=counts["read"], seconds=time.perf_counter() - begun)
@@ -289,7 +289,7 @@ def _guided(name: str, seconds: float, seed: int, keep: Path) -> Tally:
         faults = [tried(target, path, one.read_bytes()) for one in left]
         tally.faults += [fault for fault in faults if fault]
     elif done.returncode:
-        found = re.findall(r"FoundError: (.*)|ERROR: libFuzzer: (.*)", said)
+        found = re.findall(r"FoundError: (.*)|ERROR: libFuzzer: (.*)", output)
         fault = next(filter(None, found[0]), "") if found else f"exit status {done.returncode}"
         tally.faults.append(fault)
     return tally

@@ -30,7 +30,7 @@ class Inside:
         self.stdin = os.fdopen(self._asked, "wb")
         self.stdout = os.fdopen(answers, "rb")
         child._pipe = os.fdopen(self._answered, "wb")
-        self._said = child._pipe
+        self._answers = child._pipe
         self._questions = os.fdopen(questions, "rb")
         self._thread = threading.Thread(target=self._run, args=(module, path), daemon=True)
         self._thread.start()
@@ -41,7 +41,7 @@ class Inside:
                 lambda: child._send_contents(child.contents_of(module, Path(path))), self._questions
             )
         with suppress(OSError):
-            self._said.close()
+            self._answers.close()
 
     def kill(self) -> None:
         """Do nothing: the thread ends by itself."""

@@ -1,9 +1,9 @@
-"""How cost grows: with the length of a record, with coefficients that are sought, with runs.
+"""Growth of the cost with the length of a record, the number of coefficients, and of runs.
 
     python -m benchmarks.growth
 
 in the root of a clone draws `docs/assets/growth.png` and prints the table of `docs/comparison.md`.
-Seconds are those of the processor, so that other work on the machine counts little.
+Times are processor times, which depend little on other work of the machine.
 """
 
 import time
@@ -44,7 +44,7 @@ _REPETITIONS = sized(3, 1)
 JOINT = flexible()
 PAPER = ("gravity", "motor_viscous")
 CONTINUOUS = table1_loop((1, 2, 3))
-SAMPLED = ClosedLoop(  # the paper's law has too high a gain to be sampled at 1 kHz
+SAMPLED = ClosedLoop(  # the gain of the paper's law is too high for sampling at 1 kHz
     flexible_joint(known={"beta1": TRUE["beta1"]}),
     {name: TRUE[name] for name in ("theta1", "theta2", "alpha1", "alpha2")},
     pd_gravity(),
@@ -55,16 +55,16 @@ SAMPLED = ClosedLoop(  # the paper's law has too high a gain to be sampled at 1 
 
 @dataclass(frozen=True)
 class Growth:
-    """Cost of one job over its size.
+    """Cost of one job as a function of its size.
 
     Parameters
     ----------
     job : str
-        What was done.
+        Name of the job.
     sizes : sequence of float
-        Of the job.
+        Sizes of the job.
     seconds : list of float
-        Of the processor, least of some repetitions.
+        Processor times in s, minimum of some repetitions.
     """
 
     job: str
@@ -73,13 +73,13 @@ class Growth:
 
     @property
     def exponent(self) -> float:
-        """Slope of the logarithms over the larger half of the sizes."""
+        """Exponent of the growth: slope of the logarithms over the larger half of the sizes."""
         half = len(self.sizes) // 2
         fit = np.polyfit(np.log(self.sizes[half:]), np.log(self.seconds[half:]), 1)
         return float(fit[0])
 
     def cells(self, label: str) -> tuple[str, ...]:
-        """Line of a table."""
+        """Return the line of the table."""
         sizes, seconds = self.sizes, self.seconds
         return (
             self.job,
@@ -90,7 +90,7 @@ class Growth:
 
 
 def record(count: int) -> Samples:
-    """Motion of the paper's joint under a multisine torque, with noisy positions."""
+    """Simulate the paper's joint under a multisine torque, with noisy positions."""
     generator = np.random.default_rng(5)
     instants = SAMPLE_TIME * np.arange(count)
     tones, amplitudes = np.array([0.7, 5.3, 17.0, 25.0]), np.array([4.0, 6.0, 5.0, 6.0])
@@ -103,7 +103,7 @@ def record(count: int) -> Samples:
 
 
 def least(call: Callable[[], object]) -> float:
-    """Seconds of the processor that a call takes at least, after one to warm up."""
+    """Return the minimum processor time of a call in s, after a warm-up."""
     call()
     taken = []
     for _ in range(_REPETITIONS):
@@ -114,13 +114,13 @@ def least(call: Callable[[], object]) -> float:
 
 
 def _sought(terms: Sequence[str]) -> Unknowns:
-    """Coefficients of a model with these terms alone."""
+    """Return the coefficients of a model with only these terms."""
     kept = {c for term in terms for c in JOINT.terms[term]}
     return JOINT.unknowns(JOINT.optional - kept, {}, (0,))
 
 
 def with_length() -> list[Growth]:
-    """Estimators and simulations over the length of the record."""
+    """Measure estimators and simulations over the length of the record."""
     longest = record(LENGTHS[-1])
 
     def part(count: int) -> list[Samples]:
@@ -155,7 +155,7 @@ def with_length() -> list[Growth]:
 
 
 def with_coefficients() -> list[Growth]:
-    """Estimators over the number of coefficients that are sought, 30 000 samples."""
+    """Measure estimators over the number of unknown coefficients, with 30 000 samples."""
     recordings = [record(sized(30_000, 3_000))]
     terms = [term for term, names in JOINT.terms.items() if not {*names} & JOINT.shapes]
     chosen = [PAPER, *(tuple({*PAPER, *terms[:n]}) for n in range(3, sized(len(terms) + 1, 6), 2))]
@@ -183,7 +183,7 @@ def with_coefficients() -> list[Growth]:
 
 
 def with_runs() -> list[Growth]:
-    """An ensemble of Table I's loop over the number of its runs, on one thread."""
+    """Measure an ensemble of Table I's loop over its number of runs, on one thread."""
     generator = np.random.default_rng(3)
     loops = [table1_loop((1, 2, 3), k=float(k)) for k in generator.uniform(10.0, 50.0, RUNS[-1])]
     seconds = [least(lambda n=n: simulate_ensemble(loops[:n], 30.0)) for n in RUNS]
@@ -191,13 +191,13 @@ def with_runs() -> list[Growth]:
 
 
 def draw(groups: Sequence[tuple[str, Sequence[Growth]]]) -> None:
-    """One panel for each kind of size."""
+    """Draw one panel for each kind of size."""
     figure = new_figure(9.0, 3.2)
     for axes, (label, jobs) in zip(figure.subplots(1, len(groups)), groups, strict=True):
         for growth, colour in zip(jobs, (BLUE, ORANGE, GREEN, "#7b5ea7"), strict=False):
             axes.loglog(growth.sizes, growth.seconds, "o-", color=colour, ms=3, label=growth.job)
         axes.set_xlabel(label)
-        if label == "coefficients":  # a few, so that every number is a tick
+        if label == "coefficients":  # only a few numbers, so each gets a tick
             axes.set_xscale("linear")
         axes.legend(loc="best", fontsize=7, frameon=False)
         axes.margins(y=0.15)

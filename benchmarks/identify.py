@@ -1,4 +1,4 @@
-"""`flexid identify` on 30 000 samples: its least squares, the whole command, its parts."""
+"""Times of `flexid identify` on 30 000 samples: least squares, whole command, and parts."""
 
 import json
 import os
@@ -22,7 +22,7 @@ LOG = Path("examples/flexible_joint.csv")
 
 _THREADS = sized((1, 2), (1,))
 
-# Nothing that `flexid identify` could do without: its imports, and Numba made ready by one call.
+# Minimum time of any such command: its imports, and the start of Numba by one call.
 _FLOOR = """
 import flexid.cli.main, flexid.identification.identify, flexid.recording.read
 import polars, rich.console
@@ -34,7 +34,7 @@ free_run(system, dict.fromkeys(system.coefficients, 1.0), [0.0] * 4, [0.0] * 10,
 
 
 def run(quick: bool) -> Outcome:
-    """Compare batch least squares with `lstsq`; time the command and what it consists of.
+    """Compare batch least squares with `lstsq`; time the command and its parts.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def _batch_table(results: dict[int, dict[str, Timing]]) -> Detail:
 
 
 def _command_table(repetitions: int) -> Detail:
-    """Wall time of whole commands in fresh processes, and of what `identify` does in this one."""
+    """Measure wall times of commands in fresh processes, and of the parts of `identify` here."""
     flexid = str(Path(sys.executable).with_name("flexid"))
     log = read_log(LOG)
     with tempfile.TemporaryDirectory() as folder:
@@ -120,7 +120,7 @@ def _command_table(repetitions: int) -> Detail:
 
 
 def _first_run(flexid: str) -> float:
-    """Seconds of the command with an empty cache."""
+    """Return the time of the command with an empty cache, in s."""
     with tempfile.TemporaryDirectory() as folder:
         start = time.perf_counter()
         environment = os.environ | {CACHE_VARIABLE: folder}
@@ -131,7 +131,7 @@ def _first_run(flexid: str) -> float:
 
 
 def _steps(log: Log) -> dict[str, float]:
-    """Seconds of each kind of step of an identification."""
+    """Return the time of each kind of step of an identification, in s."""
     steps = []
     identify([log], progress=lambda step: steps.append((step, time.perf_counter())))
     end = time.perf_counter()

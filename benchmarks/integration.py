@@ -1,10 +1,10 @@
-"""How far the error of the integration moves the estimates of blind trials, and how far it did.
+"""Effect of integration errors on the estimates of blind trials, before and after refinement.
 
     python -m benchmarks.integration [--first-seed N] [--seeds N] [--family F ...]
 
-With terms, hold and delays given. In standard deviations, of the combination of values that is
-moved most: with the steps that follow from the model's poles, and with those that
-`flexid.estimators.prediction_error` asks for.
+Terms, hold and delays are given. The effect is in standard deviations of the combination of values
+that changes most: with steps chosen by the model's poles, and with those that
+`flexid.estimators.prediction_error` requires.
 """
 
 import argparse
@@ -29,14 +29,14 @@ _EDGES = (0.1, 0.3, 1.0)
 
 
 def errors(family: str, seed: int, folder: Path) -> tuple[float, float, int]:
-    """Error before and after, in standard deviations, and how many times as many steps that took.
+    """Return the errors before and after, in standard deviations, and the ratio of steps.
 
     Parameters
     ----------
     family : str
     seed : int
     folder : Path
-        Where the log is written.
+        Folder for the log.
     """
     trial = make_trial(family, seed)
     path = folder / "log.csv"

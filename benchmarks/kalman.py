@@ -1,4 +1,4 @@
-"""filterpy's extended Kalman filter for state and coefficients together, as its user writes it."""
+"""filterpy's extended Kalman filter for states and coefficients, as a user would write it."""
 
 from math import cos, sin
 
@@ -11,10 +11,10 @@ _MEASURED = np.eye(4, 8)
 
 
 class JointFilter(ExtendedKalmanFilter):
-    """States x1 ... x4 and θ1, θ2, α1, α2 of the flexible joint; all states measured.
+    """Filter for the states x1 ... x4, all measured, and θ1, θ2, α1, α2 of the flexible joint.
 
-    filterpy lets its user replace the prediction of the state: here one step of Runge-Kutta, with
-    the Jacobian of Euler's step for the covariance.
+    The prediction of the state, which a user of filterpy may replace, is one Runge-Kutta step.
+    The covariance uses the Jacobian of an Euler step.
 
     Parameters
     ----------
@@ -23,9 +23,9 @@ class JointFilter(ExtendedKalmanFilter):
     beta1 : float
         Known input gain 1/Jr.
     noise : (float, float)
-        Standard deviations of positions and velocities, in rad and rad/s; the filter knows them.
+        True standard deviations of positions and velocities, in rad and rad/s.
     guess : (4,) array
-        Initial coefficients, as uncertain as they are large.
+        Initial coefficients, whose standard deviations equal their values.
     """
 
     def __init__(self, step: float, beta1: float, noise: tuple[float, float], guess: FloatArray):
@@ -38,8 +38,8 @@ class JointFilter(ExtendedKalmanFilter):
         self.R = np.diag(variances)
 
     def advance(self, measurement: FloatArray, torque: float) -> None:
-        """One sample: predict over the interval with its mean torque, then correct."""
-        self.predict(torque)  # type: ignore[arg-type] - by its default filterpy seems to want an int
+        """Process a sample: predict over the interval with its mean torque, then correct."""
+        self.predict(torque)  # type: ignore[arg-type] - filterpy's default suggests an int
         self.update(measurement, lambda _: _MEASURED, lambda x: x[:4])
 
     def predict_x(self, u: float = 0.0) -> None:

@@ -1,9 +1,9 @@
-"""A long log of the paper's joint, written part by part: no more than a part is in memory.
+"""Write a long log of the paper's joint part by part, with one part in memory.
 
     python -m benchmarks.long_log FILE ROWS
 
-writes the Parquet file. The drive is a sum of sines that never repeats, the positions have white
-noise, and everything follows from the seed and the number of the part.
+writes the Parquet file. The torque is a sum of sines that never repeats, and the positions have
+white noise. All values depend only on the seed and the number of the part.
 """
 
 import sys
@@ -24,16 +24,16 @@ SEED = 0
 TRUTH = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 """Coefficients of Huang (2003), Table I."""
 
-_PART = 1_000_000  # rows that are in memory
+_PART = 1_000_000  # rows in memory
 _RATES = np.array([1.0, 4.3166, 7.4162, 11.3, 17.9])  # rad/s, without a common period
-_SIZES = np.array([1.5, 3.0, 4.0, 5.0, 6.0])  # N m; the link swings, and never turns over
+_SIZES = np.array([1.5, 3.0, 4.0, 5.0, 6.0])  # N m, too small for a full turn of the link
 
 
 def long_motion(
     number: int, count: int, state: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Noisy positions and torque of a part, and the state that the next one begins with."""
-    # One sample more than is wanted: where the next recording begins.
+    """Return noisy positions and torque of a part, and the initial state of the next one."""
+    # The last of these samples is the first of the next part.
     torque = np.sin(np.outer(_times(number, count + 1), _RATES)) @ _SIZES
     states = free_run(flexible_joint(), TRUTH, state, torque, SAMPLE_TIME, "linear")
     generator = np.random.default_rng((SEED, number))
@@ -46,7 +46,7 @@ def _times(number: int, count: int) -> NDArray[np.float64]:
 
 
 def write_long_log(path: Path, rows: int) -> None:
-    """Write a log of so many rows."""
+    """Write a log with a number of rows."""
     state = np.zeros(4)
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         names = []

@@ -1,12 +1,12 @@
-"""The most memory that a process has had."""
+"""Peak memory of a process."""
 
 from pathlib import Path
 
 
 def most_memory() -> float:
-    """Of this process, in MB, by what Linux says of its memory since it was started.
+    """Return the peak memory of this process in MB, according to Linux.
 
-    `resource.getrusage` would count what its parent had when it was forked.
+    `resource.getrusage` would include the parent's memory at the fork.
     """
     lines = Path("/proc/self/status").read_text().splitlines()
     (line,) = (line for line in lines if line.startswith("VmHWM"))

@@ -1,9 +1,9 @@
-"""Which changes of the source the tests notice: mutation testing of what an answer rests on.
+"""Mutation testing of the modules that determine a result.
 
 ``python -m benchmarks.mutants --sample 25 --write`` changes one operator, number or keyword of a
-file at a time, in a copy of the commit, and runs the short tests that belong to the file until one
-fails. A change that none notices survives. ``--at COMMIT`` measures an earlier state. What
-comes out is kept in ``mutants.json``, where a word on a survivor is written by hand, and shown in
+file at a time, in a copy of the commit, and runs the short tests of the file until one fails. A
+change survives if no test fails. ``--at COMMIT`` measures an earlier state. The results are stored
+in ``mutants.json``, where notes on survivors are added by hand, and shown in
 ``docs/reliability.md`` and ``mutants.md``.
 """
 
@@ -27,7 +27,7 @@ from benchmarks.size import sized
 
 SEED = 1
 _SHARED = ("matplotlib.figure", "numba", "polars", "pydantic", "scipy.signal", "sympy")
-_PATIENCE = 5.0  # times as long as the tests take, and a minute, before a change counts as noticed
+_PATIENCE = 5.0  # times the tests' duration, plus a minute; a longer run counts as failed
 
 _JUDGED = "test_judgement test_sentences test_intervals test_excitations test_doubts"
 _JUDGED += " test_estimate test_compliance test_prior_knowledge test_found"
@@ -57,11 +57,11 @@ FILES = {
     "recording/table.py": ("reading", f"{_TEXTS} test_clock test_bad_files"),
     "recording/names.py": ("reading", f"test_names {_TEXTS} test_survey test_overview"),
 }
-"""Files of the package, now and before: part of the answer, and tests, short ones first."""
+"""Files of the package, with their present and former names: part, and tests, short ones first."""
 
 
 def noticed(clone: Path, tests: list[str], limit: float) -> bool:
-    """Whether a test fails, or none ends in time; what they import is here already."""
+    """Return whether a test fails or takes too long; the tests' imports are already loaded."""
     child = os.fork()
     if child == 0:
         os.setsid()
@@ -90,7 +90,7 @@ def noticed(clone: Path, tests: list[str], limit: float) -> bool:
 def measure(
     clone: Path, file: Path, tests: list[str], sample: int, left: list[dict[str, Any]] | None
 ) -> dict[str, Any]:
-    """How many changes of a file were made, and those that no test notices, of those left if any.
+    """Return the number of changes of a file, and the survivors.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def measure(
 
 
 def cloned(commit: str, folder: Path) -> Path:
-    """The files of a commit, or as they are."""
+    """Copy the files of a commit, or the present ones, into a folder, and return it."""
     if commit:
         packed = subprocess.run(["git", "archive", commit], check=True, stdout=subprocess.PIPE)
         subprocess.run(["tar", "-x", "-C", str(folder)], check=True, input=packed.stdout)

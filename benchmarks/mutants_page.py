@@ -1,4 +1,4 @@
-"""What `benchmarks.mutants` keeps, and the pages that show it."""
+"""Results of `benchmarks.mutants`, and the pages that show them."""
 
 import json
 from collections.abc import Mapping
@@ -12,11 +12,11 @@ RESULTS, LIST = Path("benchmarks/mutants.json"), Path("benchmarks/mutants.md")
 PAGE, BLOCK = Path("docs/reliability.md"), "mutants"
 
 Results = Mapping[str, Mapping[str, Any]]
-"""By state and file: its part, the changes, and those that survive."""
+"""Part, number of changes and survivors, by state and file."""
 
 
 def keep(state: str, file: str, found: dict[str, Any]) -> None:
-    """Put a file's counts with those of the others; what was said of a survivor stays."""
+    """Store a file's results with the others; notes on survivors are kept."""
     results = kept()
     old = results.setdefault(state, {}).get(file, {"survivors": []})["survivors"]
     notes = {(s["before"], s["after"]): s["note"] for s in old}
@@ -28,19 +28,19 @@ def keep(state: str, file: str, found: dict[str, Any]) -> None:
 
 
 def kept() -> dict[str, dict[str, Any]]:
-    """What is kept."""
+    """Return the stored results."""
     return json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else {}
 
 
 def show() -> None:
-    """Write the counts into the page, and the list of what survives."""
+    """Write the counts into the page, and the list of survivors."""
     results = kept()
     write_block(PAGE, BLOCK, "\n".join([*table(results), ""]))
     LIST.write_text(survivors(results), encoding="utf-8")
 
 
 def table(results: Results) -> list[str]:
-    """Changes and survivors of each part, as Markdown."""
+    """Return the numbers of changes and survivors of each part, as Markdown."""
     heads = [f"{count}, {state}" for state in results for count in ("changes", "survive")]
     parts = dict.fromkeys(found["part"] for files in results.values() for found in files.values())
     lines = []
@@ -55,7 +55,7 @@ def table(results: Results) -> list[str]:
 
 
 def survivors(results: Results) -> str:
-    """The list of what survives, with a word on each."""
+    """Return the list of survivors with their notes, as Markdown."""
     text = [
         "# Changes of the source that no test notices",
         "",

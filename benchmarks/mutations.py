@@ -1,4 +1,4 @@
-"""Changes of one operator, number or keyword of a source."""
+"""Mutations of a source: changes of one operator, number or keyword."""
 
 import ast
 from collections.abc import Iterator
@@ -31,7 +31,7 @@ _LEFT_OUT = {"annotation", "returns", "decorator_list", "type_params"}
 
 
 def mutated(node: ast.AST) -> Iterator[ast.AST]:
-    """What a part of the source may become."""
+    """Yield the mutations of a node."""
     match node:
         case ast.Compare():
             for place, operator in enumerate(node.ops):
@@ -57,7 +57,7 @@ def mutated(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def parts(node: ast.AST) -> Iterator[ast.AST]:
-    """What may change of a tree: no annotations, decorators and formatted texts."""
+    """Yield the nodes of a tree, without annotations, decorators and formatted strings."""
     yield node
     for field, value in ast.iter_fields(node):
         if field not in _LEFT_OUT:
@@ -68,7 +68,7 @@ def parts(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def changes(source: bytes) -> list[tuple[int, str, str, bytes]]:
-    """Line, text before and after, and the whole source of every change."""
+    """Return line, text before and after, and the whole source of every change."""
     starts = [0]
     for line in source.splitlines(keepends=True):
         starts.append(starts[-1] + len(line))
@@ -86,7 +86,7 @@ def changes(source: bytes) -> list[tuple[int, str, str, bytes]]:
 
 
 def _near(before: str, after: str) -> tuple[str, str]:
-    """Where two texts begin to differ, with some of what stands next to it."""
+    """Return an excerpt of both texts around their first difference."""
     pairs = enumerate(zip(f"{before} ", f"{after} ", strict=False))
     first = max(next((k for k, (a, b) in pairs if a != b), 0) - 25, 0)
     return before[first : first + 60], after[first : first + 60]

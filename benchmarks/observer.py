@@ -34,18 +34,18 @@ if TYPE_CHECKING:
     from benchmarks.kalman import JointFilter
 
 _SEED = 0
-_STEPS = 1000  # of one timed stretch of single steps
+_STEPS = 1000  # single steps that are timed together
 _UNKNOWN = ("theta1", "theta2", "alpha1", "alpha2")
 _TRUE = np.array([TRUTH[name] for name in _UNKNOWN])
 
 
 def run(quick: bool) -> Outcome:
-    """Compare replay over a log, and single steps from Python.
+    """Compare the replay of a log and single steps from Python.
 
     Parameters
     ----------
     quick : bool
-        Fewer repetitions.
+        Use fewer repetitions.
     """
     system = flexible_joint(known={"beta1": TRUTH["beta1"]})
     record = joint_samples(_SEED)
@@ -77,7 +77,7 @@ def run(quick: bool) -> Outcome:
 def _replays(
     observer: ParametricObserver, samples: FloatArray, repetitions: int
 ) -> tuple[Timing, dict[tuple[str, ...], Timing]]:
-    """Time per sample of flexid's replay and of every build of the C."""
+    """Return the time per sample of flexid's replay and of every build of the C."""
     state = observer.init()
     with tempfile.TemporaryDirectory() as folder:
         compiled: list[Replay] = [
@@ -87,7 +87,7 @@ def _replays(
             for flags in BUILDS
         ]
         expected = observer.replay(state, samples)
-        for replay in compiled:  # the same algorithm, or the comparison means nothing
+        for replay in compiled:  # the comparison needs the same algorithm
             estimates, innovations = replay()
             np.testing.assert_allclose(estimates, expected.coefficients, rtol=1e-8)
             np.testing.assert_allclose(innovations, expected.innovations, rtol=1e-8, atol=1e-14)
@@ -99,7 +99,7 @@ def _replays(
 def _steps(
     observer: ParametricObserver, samples: FloatArray, repetitions: int
 ) -> tuple[Timing, Timing]:
-    """Time per sample of flexid's and of filterpy's steps, one Python call each."""
+    """Return the time per sample of flexid's and filterpy's steps, one Python call each."""
     measured = np.ascontiguousarray(samples[1 : _STEPS + 1, :4])
     torques = _mean_torques(samples)
 
@@ -139,7 +139,7 @@ def _builds_table(builds: dict[tuple[str, ...], Timing]) -> Detail:
 
 
 def _fits_table(observer: ParametricObserver, samples: FloatArray) -> Detail:
-    """What both make of the whole record: a peer that does not work is no peer."""
+    """Return a table of both estimates, to check that the peer works."""
     kalman = _kalman()
     for measurement, torque in zip(samples[1:, :4], _mean_torques(samples), strict=True):
         kalman.advance(measurement, torque)

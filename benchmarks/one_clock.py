@@ -1,8 +1,8 @@
-"""What a fast input should become on a slower clock: sampled, or filtered before.
+"""Conversion of a fast input to a slower clock: sampling, or filtering before.
 
 ``python -m benchmarks.one_clock``: the joint of Huang (2003), 20 s, motor and torque every
-millisecond, the link every five and in between; half of the 95 % intervals, in percent, from the
-best to the worst of four parameters and three seeds, and how many hold the truth.
+millisecond, the link every five and in between. It prints the half-widths of the 95 % intervals in
+percent, from best to worst of four parameters and three seeds, and how many contain the truth.
 """
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ COEFFICIENTS = {
 TRUTH = {"joint_stiffness": 100.0, "link_inertia": 1.0, "motor_inertia": 0.3, "gravity_torque": 5.0}
 SEEDS = sized(3, 1)
 _H, _SLOW, _DURATION, _NOISE = 1e-3, 5, 20.0, 1e-4
-_APART = 0.37e-3  # s, of the link's samples from the motor's
+_APART = 0.37e-3  # s, between the link's samples and the motor's
 
 
 def _sines(time: FloatArray) -> FloatArray:
@@ -49,7 +49,7 @@ TORQUES: dict[str, Callable[[FloatArray, np.random.Generator], FloatArray]] = {
 
 
 def logs(kind: str, seed: int) -> dict[str, dict[str, FloatArray]]:
-    """The same drive on the link's clock, its torque sampled and filtered."""
+    """Return logs of a drive on the link's clock, with the torque sampled and filtered."""
     rng = np.random.default_rng(seed)
     time = _H * np.arange(round(_DURATION / _H) + 1, dtype=np.float64)
     u = TORQUES[kind](time, rng)

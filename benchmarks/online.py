@@ -19,7 +19,7 @@ from flexid.models.flexible_joint import flexible_joint
 from flexid.paper.parametric_observer import parametric_observer, suggest_gains
 
 JOINT = flexible_joint()
-STEPS = sized(3000, 10)  # single steps from Python that are timed
+STEPS = sized(3000, 10)  # timed single steps from Python
 STARTS = (10.0, 0.1)  # times the truth
 
 
@@ -32,7 +32,7 @@ def estimators() -> dict[str, OnlineEstimator]:
 
 
 def record(seed: int, bits: int = 0) -> Samples:
-    """The noisy record, or that of noiseless encoders with so many bits per turn."""
+    """Return the noisy record, or one of noiseless encoders with a number of bits per turn."""
     if not bits:
         return joint_samples(seed)
     clean, step = joint_samples(), 2 * np.pi / 2**bits
@@ -41,7 +41,7 @@ def record(seed: int, bits: int = 0) -> Samples:
 
 
 def settling_time(coefficients: FloatArray) -> float:
-    """When the worst coefficient comes within 1 % for good, in s."""
+    """Return the time after which the worst coefficient stays within 1 %, in s."""
     outside = np.flatnonzero(np.abs(coefficients / VALUES - 1.0).max(axis=1) > 0.01)
     return float((outside[-1] + 1) * SAMPLE_TIME) if len(outside) else 0.0
 

@@ -1,21 +1,21 @@
-"""The part of a page of the documentation that a benchmark writes, between two marks."""
+"""Blocks of documentation pages, between two marks, that benchmarks write."""
 
 from pathlib import Path
 
 
 def write_block(page: Path, name: str, block: str) -> None:
-    """Replace what stands between the two marks of a name in a file; raises as `with_block`."""
+    """Replace the block of a name in a file; raises like `with_block`."""
     text = with_block(page.read_text(encoding="utf-8"), name, block)
     page.write_text(text, encoding="utf-8")
 
 
 def with_block(page: str, name: str, block: str) -> str:
-    """The page with what stands between the two marks of a name replaced.
+    """Return the page with the block of a name replaced.
 
     Raises
     ------
     ValueError
-        If the page does not have both marks once.
+        If the page does not contain both marks once.
     """
     begin, end = _marks(name)
     if page.count(begin) != 1 or page.count(end) != 1:
@@ -25,7 +25,7 @@ def with_block(page: str, name: str, block: str) -> str:
 
 
 def block_of(page: str, name: str) -> str:
-    """What stands between the two marks of a name."""
+    """Return the block of a name."""
     begin, end = _marks(name)
     return page.partition(f"{begin}\n\n")[2].partition(f"\n{end}")[0]
 

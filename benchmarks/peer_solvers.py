@@ -1,4 +1,4 @@
-"""The closed loop of Table I, solved by SciPy's Radau and CasADi's CVODES as their users would."""
+"""Closed loop of Table I with SciPy's Radau and CasADi's CVODES, as a user would write it."""
 
 import math
 from collections.abc import Callable
@@ -13,15 +13,15 @@ DURATION = sized(30.0, 0.2)
 MOST_STEPS = 10_000_000
 
 Solver = Callable[[], list[float]]
-"""Solves once and returns the four parameter errors at the end."""
+"""Function that solves once and returns the four final parameter errors."""
 
 
 class GaveUpError(RuntimeError):
-    """A solver ended without a result."""
+    """A solver failed."""
 
 
 def radau(exponents: Exponents, plain: bool, tolerance: float) -> Solver:
-    """SciPy's Radau, its Jacobian by finite differences, as is its default."""
+    """Build SciPy's Radau with its default Jacobian by finite differences."""
     loop = Table1(exponents)
     rates = loop.plain_rates if plain else loop.error_rates
     start = loop.plain_start() if plain else loop.error_start()
@@ -45,15 +45,15 @@ def radau(exponents: Exponents, plain: bool, tolerance: float) -> Solver:
 
 
 def cvodes(exponents: Exponents, plain: bool, tolerance: float, compiled: bool = False) -> Solver:
-    """CasADi's CVODES with exact Jacobian, built once.
+    """Build CasADi's CVODES with exact Jacobian.
 
     Parameters
     ----------
     exponents, plain, tolerance
         As for `radau`.
     compiled : bool, optional
-        Let CasADi print its functions as C and compile them with -O3; by default they run in its
-        virtual machine.
+        Compile CasADi's functions as C with -O3; by default they run in its virtual
+        machine.
     """
     import casadi  # of the extra "benchmarks"
 

@@ -46,7 +46,7 @@ def accuracy() -> None:
 
 
 def encoder(bits: int, first: int) -> Samples:
-    """The clean record from a sample on, as an encoder with so many bits per turn gives it."""
+    """Return the clean record from a sample on, rounded to an encoder's bits per turn."""
     clean, step = joint_samples(first=first), 2 * np.pi / 2**bits
     return replace(clean, positions=np.round(clean.positions / step) * step, velocities=None)
 
@@ -60,7 +60,7 @@ def encoders() -> None:
 
 
 def correlated(seed: int, rho: float) -> Samples:
-    """Positions in autoregressive noise of the usual standard deviation."""
+    """Add autoregressive noise of the usual standard deviation to positions."""
     clean = joint_samples()
     shocks = np.random.default_rng(seed).standard_normal((2000 + len(clean), 2))
     noise = lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], shocks, axis=0)[2000:]
@@ -68,7 +68,7 @@ def correlated(seed: int, rho: float) -> Samples:
 
 
 def white_covariance(found: PredictionErrorFit) -> FloatArray:
-    """The textbook covariance, which is right for white residuals only."""
+    """Return the textbook covariance, which is valid for white residuals only."""
     return np.linalg.inv(found.information)
 
 

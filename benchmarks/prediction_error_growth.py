@@ -1,4 +1,4 @@
-"""How the time of the prediction error grows with the record, and what a second thread does.
+"""Time of the prediction error over the record's length, with one and two threads.
 
 python -m benchmarks.prediction_error_growth [--samples 3e4 1e5 3e5 1e6]
 """
@@ -17,7 +17,7 @@ _SAMPLES = (30_000, 100_000, 300_000, 1_000_000)
 _QUICK_SAMPLES = sized((30_000, 100_000), (2_000, 4_000))
 _RUNS = 3
 
-# A process for each length, so that the memory is what it needs.
+# Each length has its own process, so that the peak memory is its own.
 _PROGRAM = """
 import json, sys
 import numpy as np
@@ -49,7 +49,7 @@ def run(quick: bool) -> Outcome:
 
 
 def measured(samples: tuple[int, ...], runs: int) -> Outcome:
-    """Fit records of these lengths so often."""
+    """Fit records of the given lengths repeatedly."""
     results = {count: _once(count, runs) for count in samples}
     one = {n: _timing(r["one"], runs) for n, r in results.items()}
     two = {n: _timing(r["two"], runs) for n, r in results.items()}

@@ -1,4 +1,4 @@
-"""The table on the terminal and `RESULTS.md`."""
+"""Output of results: a table on the terminal, and `RESULTS.md`."""
 
 import datetime
 import os
@@ -20,7 +20,7 @@ _PACKAGES = ("flexid", "numpy", "scipy", "numba", "casadi", "filterpy", "diffrax
 
 
 def show(outcomes: Sequence[Outcome]) -> None:
-    """Print all comparisons as one table, and what each of them is."""
+    """Print all comparisons as one table, with their descriptions."""
     comparisons = [c for outcome in outcomes for c in outcome.comparisons]
     table = Table("", *HEADINGS, title="flexid beside other tools")
     for number, comparison in enumerate(comparisons, start=1):
@@ -31,7 +31,7 @@ def show(outcomes: Sequence[Outcome]) -> None:
 
 
 def _ratios(comparisons: Sequence[Comparison]) -> list[str]:
-    """The table of ratios, and below it what each line is, as Markdown."""
+    """Return the table of ratios with descriptions of its lines, as Markdown."""
     lines = [(str(n), *c.cells()) for n, c in enumerate(comparisons, start=1)]
     return [*markdown(("", *HEADINGS), lines), "", *_descriptions(comparisons)]
 
@@ -51,7 +51,7 @@ def write(outcomes: Sequence[Outcome], command: str, busy: float) -> None:
     ----------
     outcomes : sequence of Outcome
     command : str
-        That made them.
+        Command that was run.
     busy : float
         Load average of the machine before the run.
     """
@@ -90,7 +90,7 @@ def markdown(headings: Sequence[str], lines: Sequence[Sequence[str]]) -> list[st
 
 
 def processor() -> str:
-    """Model of the processor, where the system tells."""
+    """Return the model of the processor, or else the machine's type."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

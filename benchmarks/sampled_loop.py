@@ -1,4 +1,4 @@
-"""A sampled run per tick: flexid beside the same algorithm in hand-written C."""
+"""Time per sample of a sampled run: flexid and the same algorithm in hand-written C."""
 
 import ctypes
 import subprocess
@@ -32,12 +32,12 @@ _COLUMNS = 18  # states, input, estimates, their errors, tracking error, measure
 
 
 def run(quick: bool) -> Outcome:
-    """Compare runs with ideal sensors and with real ones.
+    """Compare runs with ideal and with noisy sensors.
 
     Parameters
     ----------
     quick : bool
-        Fewer repetitions.
+        Use fewer repetitions.
     """
     loop = replace(table1_loop((1, 2, 3)), controller=pd_gravity())
     comparisons, lines = [], []
@@ -73,9 +73,9 @@ def run(quick: bool) -> Outcome:
 def compile_run(
     flags: tuple[str, ...], folder: Path, loop: ClosedLoop, sampling: Sampling
 ) -> Callable[[], FloatArray]:
-    """Compile the C with gcc and bind it to a loop; every call fills a new log.
+    """Compile the C with gcc for a loop, and return a function that fills a new log at each call.
 
-    The noise is drawn by NumPy in each call, as in flexid.
+    NumPy draws the noise in each call, as in flexid.
     """
     library = folder / f"loop{'_'.join(flags)}.so"
     command = ["gcc", "-std=c99", *flags, "-shared", "-fPIC", "-o", str(library), str(SOURCE)]
@@ -116,7 +116,7 @@ def compile_run(
 def _check(
     loop: ClosedLoop, sampling: Sampling, builds: dict[tuple[str, ...], Callable[[], FloatArray]]
 ) -> None:
-    """The same algorithm, or the comparison means nothing."""
+    """Check that both give the same results."""
     run = simulate_sampled(loop, _DURATION, sampling)
     for call in builds.values():
         log = call()

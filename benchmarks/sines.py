@@ -1,8 +1,8 @@
-"""What steady motion on one sine makes determined, rightly and wrongly, and the share behind it.
+"""Correct and wrong results from steady motion on one sine, by the least unexplained share.
 
     PYTHONPATH=tests python -m benchmarks.sines [JOBS]
 
-Each log is identified without the rule on what the motion does not excite (`lost_share`).
+Each log is identified without the rule on poor excitation (`lost_share`).
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ NOISES = sized((1e-4, 1e-6), (1e-4,))  # rad
 MOTORS = sized((0.3, 0.005), (0.3,))  # kg m2
 EDGES = (-1.0, 0.001, 0.002, 0.004, 0.008, np.inf)
 CORE = {"gravity_torque": 5.0, "link_inertia": 0.5, "joint_stiffness": 100.0}
-WRONG = 0.01  # off by more than that, and outside its interval
+WRONG = 0.01  # least relative error of a wrong value, which also is outside its interval
 
 Log = tuple[float, float, float, float]
 
 
 def of_log(task: Log) -> tuple[float, int, bool]:
-    """The least share of a log's rows, its determined core values, and whether one is wrong."""
+    """Return the least share of a log's rows, its determined core values, and whether one errs."""
     amplitude, rate, noise, motor = task
     truth = {**CORE, "motor_inertia": motor}
     values = (10.0, 200.0, 100.0 / motor, 0.1 / motor, 1.0 / motor)

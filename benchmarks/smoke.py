@@ -1,7 +1,7 @@
-"""See that every benchmark still runs: ``python -m benchmarks.smoke [NAME ...]`` in a clone.
+"""Check that every benchmark runs: ``python -m benchmarks.smoke [NAME ...]`` in a clone.
 
-Each runs at its smallest, in a process of its own, as many at once as there are cores, in a copy of
-the clone, so that no page and no result changes. What they measure that way means nothing.
+Each runs with its smallest size in a separate process, one per core, in a copy of the clone, so
+that no page and no result changes. The measured values have no meaning.
 """
 
 import argparse
@@ -23,13 +23,13 @@ from benchmarks.size import SMOKE
 
 _FOLDERS = ("benchmarks", "docs", "examples", "experiments", "tests")
 _ROWS = 8000  # of the example log
-_SHOWN = 3000  # characters of what a failing one prints
+_SHOWN = 3000  # characters of a failing benchmark's output that are shown
 _MOST_SECONDS = 600  # of one benchmark
 
 
 @dataclass(frozen=True)
 class Job:
-    """A module, its arguments, and the packages and programs without which it is left out."""
+    """A benchmark: module, arguments, and the packages and programs that it needs."""
 
     module: str
     arguments: str = ""
@@ -38,12 +38,12 @@ class Job:
 
     @property
     def name(self) -> str:
-        """Module and arguments."""
+        """Name of the job: module and arguments."""
         return f"{self.module} {self.arguments}".strip()
 
     @property
     def missing(self) -> list[str]:
-        """What is not installed."""
+        """Needed packages and programs that are not installed."""
         packages = [name for name in self.packages if importlib.util.find_spec(name) is None]
         return packages + [name for name in self.programs if shutil.which(name) is None]
 
@@ -81,11 +81,11 @@ JOBS = (
     Job("trials", "--seeds 1 --family basic --jobs 1"),
     Job("uneven"),
 )
-"""Long ones first. Those of `python -m benchmarks` are run by its name."""
+"""All jobs, long ones first. Benchmarks of `python -m benchmarks` run through that command."""
 
 
 def main() -> None:
-    """Run them, print a line for each, and exit with 1 if one failed."""
+    """Run the jobs, print a line for each, and exit with 1 if one failed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.smoke", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME")
     names: Sequence[str] = parser.parse_args().names
@@ -102,7 +102,7 @@ def main() -> None:
 
 
 def _runs(job: Job, folder: Path) -> bool:
-    """Whether a benchmark runs to its end, or cannot run here."""
+    """Run a job; return False if it fails, and True if it succeeds or cannot run here."""
     if job.missing:
         print(f"{job.name}: left out, {', '.join(job.missing)} is not installed", flush=True)
         return True

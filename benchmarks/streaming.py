@@ -1,8 +1,8 @@
-"""A long log, identified in one pass, beside merely reading it with Polars.
+"""Identification of a long log in one pass, compared with only reading it with Polars.
 
     python -m benchmarks.streaming [--rows 1e7] [--runs 3]
 
-makes the log in a temporary folder and removes it again: 23 MB for a million rows.
+writes the log into a temporary folder: 23 MB for a million rows.
 """
 
 import argparse
@@ -30,7 +30,7 @@ _PARTS = {
     "end": "intervals, verdicts",
 }
 
-# Each in a process of its own, so that the memory is what it needs and no more.
+# Each runs in a separate process, so that the peak memory is its own.
 _READ = """
 import json, sys, time
 import polars as pl
@@ -59,16 +59,16 @@ json.dump(parts | {"memory": most_memory()}, sys.stdout)
 
 
 def run(quick: bool) -> Outcome:
-    """Stream 10⁷ samples; fewer and less often if quick."""
+    """Stream 10⁷ samples; if quick, fewer samples and repetitions."""
     return measured(_QUICK_ROWS if quick else _ROWS, sized(2, 1) if quick else 5)
 
 
 def measured(rows: int, runs: int) -> Outcome:
-    """Make a log of so many rows, and stream and read it in turn so many times."""
+    """Write a log, and stream and read it in turn, a number of times."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "long.parquet"
         write_long_log(path, rows)
-        for program in sized((_IDENTIFY, _READ), ()):  # compiles, and fills the cache of the disk
+        for program in sized((_IDENTIFY, _READ), ()):  # compiles, and fills the disk cache
             _once(program, path)
         rounds = [(_once(_IDENTIFY, path), _once(_READ, path)) for _ in range(runs)]
     own, peer = ({k: [r[side][k] for r in rounds] for k in rounds[0][side]} for side in (0, 1))

@@ -1,8 +1,8 @@
-"""Many windows of the studio at once: memory, and how long an answer takes.
+"""Memory and response time of the studio with many windows.
 
-``python -m benchmarks.studio`` opens twenty windows, sends each a log of thirty seconds, has all
-checked and identified, while another window goes on asking.
-``python -m benchmarks.studio --play 200`` moves the sliders of Play to as many places.
+``python -m benchmarks.studio`` opens twenty windows, sends each a log of thirty seconds, and checks
+and identifies all logs while another window sends requests.
+``python -m benchmarks.studio --play 200`` runs Play with 200 settings of its sliders.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ class Visitor:
     Parameters
     ----------
     address : str
-        Of the studio.
+        Address of the studio.
     connection : ClientConnection
-        To its websocket.
+        Connection to its websocket.
     """
 
     def __init__(self, address: str, connection: ClientConnection) -> None:
@@ -51,14 +51,14 @@ class Visitor:
         self._key = self.wait(lambda message: message["kind"] == "opened")["key"]
 
     def ask(self, kind: str, **more: Any) -> None:
-        """Ask for something, as the page's script does."""
+        """Send a request, as the page's script does."""
         request = {"kind": kind, "asked": time.monotonic(), **more}
         self._connection.send(json.dumps(request))
 
     def wait(
         self, wanted: Callable[[dict[str, Any]], bool], *, problems: bool = False
     ) -> dict[str, Any]:
-        """Wait for a message; a problem that the page would show ends it, unless it is expected."""
+        """Wait for a message; raise if the page would show an unexpected problem."""
         while True:
             found = json.loads(self._connection.recv(PATIENCE))
             if not problems and 'class="problem"' in found.get("html", ""):
@@ -67,24 +67,24 @@ class Visitor:
                 return found
 
     def shown(self, place: str, text: str) -> None:
-        """Wait until a place of the page holds a text."""
+        """Wait until a place of the page contains a text."""
         self.wait(lambda m: m["kind"] == "show" and m["place"] == place and text in m["html"])
 
     def send(self, log: Path) -> None:
-        """Send a log."""
+        """Upload a log."""
         headers = {"X-File-Name": log.name, "Origin": self._address.rstrip("/")}
         url = f"{self._address}upload/{self._key}"
         urlopen(Request(url, log.read_bytes(), headers), timeout=PATIENCE).close()
 
     def answer_time(self) -> float:
-        """Seconds until a setting that is none is refused."""
+        """Return the time until an invalid setting is refused, in s."""
         begun = time.monotonic()
         self.ask("settings", values={"model": "none"})
         self.wait(lambda message: message.get("place") == "check-charts", problems=True)
         return time.monotonic() - begun
 
     def play_time(self, values: dict[str, str]) -> float:
-        """Seconds until a place of the sliders is played."""
+        """Return the time of a run with given sliders, in s."""
         begun = time.monotonic()
         self.ask("play", values=values)
         self.wait(lambda message: message["kind"] == "played", problems=True)
@@ -93,7 +93,7 @@ class Visitor:
 
 @contextmanager
 def running(*arguments: object) -> Iterator[tuple[int, str]]:
-    """Start a studio; yields its process and its address."""
+    """Start a studio and yield its process and its address."""
     options = ["--port", "0", "--no-browser", *map(str, arguments)]
     command = [sys.executable, "-m", "flexid", "studio", *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
@@ -103,7 +103,7 @@ def running(*arguments: object) -> Iterator[tuple[int, str]]:
 
 
 def memory(process: int) -> int:
-    """Bytes that a process and its children have for themselves or share, each counted once."""
+    """Return the memory of a process and its children in bytes, shared pages counted once."""
     children = Path(f"/proc/{process}/task/{process}/children").read_text().split()
     own = 0
     for line in Path(f"/proc/{process}/smaps_rollup").read_text().splitlines():
@@ -114,7 +114,7 @@ def memory(process: int) -> int:
 
 @dataclass(frozen=True)
 class Load:
-    """What many windows cost: seconds and bytes."""
+    """Cost of many windows: times in s and memory in bytes."""
 
     checked: float
     identified: float
@@ -163,7 +163,7 @@ def load(windows: int, identified: int) -> Load:
 
 
 def play_times(places: int) -> list[float]:
-    """How long each of some places of the sliders takes, beside Table I, drawn evenly over all."""
+    """Return the times in s of runs with sliders drawn evenly, compared with Table I's run."""
     from flexid.studio.play import READINGS, SLIDERS
 
     rng = random.Random(1)
@@ -178,7 +178,7 @@ def play_times(places: int) -> list[float]:
         socket = f"ws://{urlsplit(address).netloc}/socket"
         with connect(socket, origin=Origin(origin), max_size=None, max_queue=None) as connection:
             visitor = Visitor(address, connection)
-            for reading in READINGS:  # compiled, if need be
+            for reading in READINGS:  # compiles both readings
                 visitor.play_time({"reading": reading})
             return [
                 visitor.play_time(
@@ -190,7 +190,7 @@ def play_times(places: int) -> list[float]:
 
 
 def main() -> None:
-    """Print what twenty windows cost, or places of the sliders."""
+    """Print the cost of twenty windows, or of settings of the sliders."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--windows", type=int, default=20)
     parser.add_argument("--play", type=int, metavar="PLACES")

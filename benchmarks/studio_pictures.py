@@ -1,4 +1,4 @@
-"""The pictures of the studio: ``python -m benchmarks.studio_pictures docs/assets``."""
+"""Make the pictures of the studio: ``python -m benchmarks.studio_pictures docs/assets``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _CHROMIUM = "/usr/bin/chromium"
 
 
 def main(folder: Path) -> None:
-    """Open the studio with the example log, and picture what is found, and Play."""
+    """Open the studio with the example log, and take pictures of the result and of Play."""
     with running(LOG) as (_, address), sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=_CHROMIUM, args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1120, "height": 1000})

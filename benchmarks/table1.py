@@ -1,7 +1,7 @@
-"""The closed loop of Huang (2003), Table I, as a user of another tool would write it by hand.
+"""Closed loop of Huang (2003), Table I, written by hand as by a user of another tool.
 
-Plain floats in, list of rates out, and nothing from flexid: the same lines serve SciPy with the
-functions of `math` and CasADi with its own.
+It takes plain floats, returns a list of rates and uses nothing of flexid. SciPy evaluates it with
+the functions of `math`, CasADi with its own.
 """
 
 import math
@@ -27,13 +27,13 @@ class Table1:
     exponents : (int, int, int)
         Powers of k in the three gains.
     sin, cos : callable, optional
-        Of whatever the equations are evaluated on.
+        Functions for the type on which the equations are evaluated.
     k : float, optional
         Attenuation.
     true : sequence of float, optional
         theta1, theta2, alpha1, alpha2 of the plant.
     beta1 : float, optional
-        Of the plant.
+        Input gain of the plant.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class Table1:
         self.sin, self.cos = sin, cos
 
     def nominal(self, t: Any) -> tuple[Any, ...]:
-        """q_d, q̇_d, q̈_d, w1N, w2N, ẇ2N and u_N of eq. (11)."""
+        """Return q_d, q̇_d, q̈_d, w1N, w2N, ẇ2N and u_N of eq. (11)."""
         sin, cos = self.sin, self.cos
         q, q1 = AMPLITUDE * sin(OMEGA * t), AMPLITUDE * OMEGA * cos(OMEGA * t)
         q2, q3, q4 = -(OMEGA**2) * q, -(OMEGA**2) * q1, OMEGA**4 * q
@@ -61,7 +61,7 @@ class Table1:
         return q, q1, q2, w1, w2, w2_rate, JR_N * w2_rate + MU_N * w2 + KE_N * (w1 - q)
 
     def plain_rates(self, t: Any, state: Any) -> list[Any]:
-        """Rates of x1 ... x4, y1, y2, z1, z2: eqs. (4) and (6) as they stand."""
+        """Return the rates of x1 ... x4, y1, y2, z1, z2: eqs. (4) and (6) as printed."""
         x1, x2, x3, x4, y1, y2, z1, z2 = state
         q, q1, _, w1, w2, _, u_nominal = self.nominal(t)
         filtered_error = x2 - q1 + self.k * (x1 - q)
@@ -84,11 +84,11 @@ class Table1:
         ]
 
     def plain_start(self) -> list[float]:
-        """x(0) = 0, so the observer's own states start at the estimates."""
+        """Return the initial state: x(0) = 0, so the observer's states equal the estimates."""
         return [0.0, 0.0, 0.0, 0.0, *START]
 
     def plain_errors(self, state: Any) -> list[float]:
-        """Parameter errors p̂ - p in a state of the plain coordinates."""
+        """Return the parameter errors p̂ - p for a state in plain coordinates."""
         x1, x2, x3, x4, y1, y2, z1, z2 = map(float, state)
         twist = x1 - x3
         estimates = (
@@ -100,7 +100,7 @@ class Table1:
         return [estimate - true for estimate, true in zip(estimates, self.true, strict=True)]
 
     def error_rates(self, t: Any, state: Any) -> list[Any]:
-        """Rates of x1 - q_d, ẽ2, x3 - w1, x4 - w2 and the parameter errors, by eq. (7)."""
+        """Return the rates of x1 - q_d, ẽ2, x3 - w1, x4 - w2 and the parameter errors, eq. (7)."""
         e1, e2, e3, e4, theta1, theta2, alpha1, alpha2 = state
         q, _, q2, w1, w2, w2_rate, u_nominal = self.nominal(t)
         sine, twist = self.sin(q + e1), q + e1 - (w1 - self.gain1 * e2 + e3)
@@ -124,7 +124,7 @@ class Table1:
         ]
 
     def error_start(self) -> list[float]:
-        """The same start in error coordinates; on floats."""
+        """Return the initial state in error coordinates, as floats."""
         _, _, _, w1, w2, _, _ = self.nominal(0.0)
         e2 = -AMPLITUDE * OMEGA
         e3 = -(w1 - self.gain1 * e2)

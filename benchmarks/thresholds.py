@@ -1,9 +1,9 @@
-"""What half and twice each threshold of an identification would change, on blind trials.
+"""Sensitivity of blind trials to each threshold of an identification, halved and doubled.
 
     python -m benchmarks.thresholds [--seeds N] [--first-seed K] [--family F ...] [--jobs J]
                                     [--out FILE] [--page docs/intervals.md]
 
-in the root of a clone. Every log is identified as it is, and with each threshold moved alone.
+in the root of a clone. Every log is identified with the usual thresholds and with each one changed.
 """
 
 import argparse
@@ -33,13 +33,13 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 BLOCK = "sensitivity"
 FACTORS = sized((0.5, 2.0), (2.0,))
 UNTOUCHED = ("contradiction",)
-"""What needs prior knowledge, which no trial gives."""
+"""Thresholds that need prior knowledge, which no trial has."""
 
 Record = Mapping[str, Any]
 
 
 def moved() -> Iterator[tuple[str, Thresholds]]:
-    """Each threshold at half and twice its value, by a name such as ``hold_fall x 2``."""
+    """Yield thresholds with one at half or twice its value, by names like ``hold_fall x 2``."""
     for field in sized(fields(THRESHOLDS), fields(THRESHOLDS)[:1]):
         if field.name not in UNTOUCHED:
             for factor in FACTORS:
@@ -48,7 +48,7 @@ def moved() -> Iterator[tuple[str, Thresholds]]:
 
 
 def of_log(task: tuple[str, int]) -> dict[str, Record]:
-    """One log's records, by what was moved; as it is under the empty name."""
+    """Return a log's records by changed threshold; the usual ones have the empty name."""
     trial = make_trial(*task)
     found = {}
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(action="ignore"):
@@ -60,7 +60,7 @@ def of_log(task: tuple[str, int]) -> dict[str, Record]:
 
 
 def table(logs: Sequence[Mapping[str, Record]]) -> list[str]:
-    """The changes as Markdown; what changes nothing has no line."""
+    """Return the changes as Markdown, without thresholds that change nothing."""
     headings = [
         "moved",
         "logs with other terms",
@@ -86,7 +86,7 @@ def table(logs: Sequence[Mapping[str, Record]]) -> list[str]:
 
 
 def _listed(same: Sequence[str]) -> str:
-    """Names that change nothing: alone where neither half nor twice the value does."""
+    """Return the names that change nothing, without factor if neither value changes anything."""
     factors: dict[str, list[str]] = {}
     for name, _, factor in (one.partition(" x ") for one in same):
         factors.setdefault(name, []).append(factor)
@@ -110,7 +110,7 @@ def _verdicts(record: Record) -> Any:
 
 
 def _scores(records: Sequence[Record]) -> list[str]:
-    """Coverage and determined core, in class and outside; logs that are confidently wrong."""
+    """Return coverage and determined core, in the model class and outside, and wrong logs."""
     cells = {}
     for in_class in (True, False):
         chosen = [record for record in records if record["in_class"] is in_class]
@@ -129,7 +129,7 @@ def _percent(part: int, whole: int) -> str:
 
 
 def main() -> None:
-    """Run, and show what came out."""
+    """Run the trials and print the table."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.thresholds",
         description=__doc__,

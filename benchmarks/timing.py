@@ -1,4 +1,4 @@
-"""Time of calls that are to be compared."""
+"""Times of calls for comparisons."""
 
 import gc
 import time
@@ -15,14 +15,14 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Timing:
-    """How long one call took, over several.
+    """Time of one call, from several.
 
     Parameters
     ----------
     median, minimum : float
         In s.
     repetitions : int
-        Calls that were timed.
+        Number of timed calls.
     """
 
     median: float
@@ -30,12 +30,12 @@ class Timing:
     repetitions: int
 
     def per(self, count: int) -> "Timing":
-        """The same for one of the `count` equal parts of a call."""
+        """Return the timing of one of the `count` equal parts of a call."""
         return Timing(self.median / count, self.minimum / count, self.repetitions)
 
     @classmethod
     def of(cls, seconds: Sequence[float]) -> "Timing":
-        """Timing of calls that took so long."""
+        """Return the timing of calls with the given times in s."""
         return cls(float(np.median(seconds)), float(np.min(seconds)), len(seconds))
 
 
@@ -45,18 +45,18 @@ def measure(
     warm_up: int = 1,
     clock: Callable[[], float] = time.perf_counter,
 ) -> tuple[Timing, ...]:
-    """Time calls in turn, so that whatever else the machine does meets all of them alike.
+    """Time calls in turn, so that other work of the machine affects all of them alike.
 
     Parameters
     ----------
     *calls : callable
-        Without arguments.
+        Functions without arguments.
     repetitions : int
-        Rounds that count.
+        Number of timed rounds.
     warm_up : int, optional
-        Rounds before, for compilation and caches.
+        Number of earlier rounds, for compilation and caches.
     clock : callable, optional
-        What is read before and after a call, in s; wall time by default.
+        Clock that is read before and after a call, in s; wall time by default.
     """
     warm_up, repetitions = sized((warm_up, repetitions), (0, 1))
     rounds = []
@@ -73,7 +73,7 @@ def measure(
 def timed(
     call: Callable[[], Result], clock: Callable[[], float] = time.perf_counter
 ) -> tuple[Result, float]:
-    """Result of one call and the time in s that it took."""
+    """Return the result of one call and its time in s."""
     start = clock()
     result = call()
     return result, clock() - start

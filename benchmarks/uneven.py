@@ -1,9 +1,9 @@
-"""What uneven time costs: realistic logs, spoilt.
+"""Effect of uneven sampling on the results from realistic logs.
 
-``python -m benchmarks.uneven``: inertias and stiffnesses of four logs of poor loggers and four of
-disturbed arms, with their samples stamped late by what a busy computer adds, or without some
-samples; how many are determined, how many of these hold the truth, and the median of half their
-intervals.
+``python -m benchmarks.uneven`` identifies four logs of poor loggers and four of disturbed arms. Time
+stamps are late as on a busy computer, or samples are missing. For inertias and stiffnesses it
+prints how many are determined, how many of their intervals contain the truth, and the median
+half-width.
 """
 
 from collections.abc import Callable, Mapping
@@ -21,7 +21,7 @@ from flexid.arrays import FloatArray
 SEEDS = sized(range(20, 24), range(20, 21))
 FAMILIES = sized(("poor_logger", "disturbed_arm"), ("poor_logger",))
 _TIME = "time [s]"
-_LATE, _LATEST = 0.4, 3.0  # sample times: mean and most of an exponential delay
+_LATE, _LATEST = 0.4, 3.0  # sample times: mean and maximum of an exponential delay
 _LOST = 0.15  # of the samples
 
 Columns: TypeAlias = Mapping[str, FloatArray]

@@ -1,7 +1,7 @@
-"""What `flexid watch` is worth: its intervals on random logs, and the samples it takes a second.
+"""Coverage of the intervals of `flexid watch` on random logs, and its speed.
 
 ``python -m benchmarks.watching --seeds 3`` prints both tables. The logs are those of the blind
-trials, drawn with seeds of their own; the watch is given the terms, or not even these.
+trials with other seeds. The watch has the usual terms, or those that act.
 """
 
 import argparse
@@ -27,20 +27,20 @@ _FIRST_SEED = 5000  # beyond those of the blind trials
 
 
 def samples_of(trial: Trial) -> FloatArray:
-    """Samples as a session takes them."""
+    """Return a trial's samples in the form for a session."""
     columns = (trial.time, trial.link_position, trial.motor_position, trial.torque)
     return np.column_stack(columns)
 
 
 def watched(trial: Trial, terms: tuple[str, ...]) -> Session:
-    """A session that has seen the whole trial."""
+    """Return a session after the whole trial."""
     session = Session(WatchOptions(float(np.median(np.diff(trial.time))), terms))
     session.feed(samples_of(trial))
     return session
 
 
 def coverage(seeds: int, *, with_terms: bool) -> None:
-    """Print, for each family, the share of intervals that hold the truth, and the health."""
+    """Print, for each family, the share of intervals that contain the truth, and the health."""
     totals: defaultdict[str, list[int]] = defaultdict(lambda: [0, 0])
     print("family | held | of | half width, % | error, % | health at the end | changes")
     for family in sized([*FAMILIES], ["basic"]):
@@ -73,7 +73,7 @@ _SHIFTS = (0.0, 0.1, 0.2, 0.5)
 
 
 def found_to_depart(session: Session, trial: Trial, name: str, less: float, half: bool) -> bool:
-    """Whether a parameter departs from an estimate of which it is less by some part."""
+    """Return whether a parameter departs from an estimate that is larger by some share."""
     truth = trial.truth.get(name)
     if not truth:
         return False
@@ -90,11 +90,10 @@ def found_to_depart(session: Session, trial: Trial, name: str, less: float, half
 
 
 def departed(seeds: int) -> None:
-    """Print how many drives are said to differ from an estimate, by how much they do.
+    """Print how many drives are reported as departed, by the size of the difference.
 
-    The estimate is the truth with an interval of 1 % to either side; what differs is the stiffness
-    alone, or with 0 % nothing, and then any parameter that is found to is wrong. In brackets with
-    both limits half as large.
+    The estimate is the truth with an interval of 1 % to either side. Only the stiffness differs.
+    With 0 % nothing differs, so every departure is wrong. In brackets, both limits are halved.
     """
     counts: defaultdict[tuple[float, bool], int] = defaultdict(int)
     drives = 0
@@ -114,7 +113,7 @@ def departed(seeds: int) -> None:
 
 
 def rates() -> Iterator[tuple[str, float]]:
-    """Microseconds a sample, by how samples come; two encoders at 10 kHz, the usual terms."""
+    """Print the time per sample in µs by kind of input; two encoders at 10 kHz, usual terms."""
     generator = np.random.default_rng(1)
     h, n = 1e-4, sized(100_000, 5_000)
     t = h * np.arange(n)
