@@ -1,7 +1,7 @@
 """Effect of uneven sampling on the results from realistic logs.
 
-``python -m benchmarks.uneven`` identifies four logs of poor loggers and four of disturbed arms. Time
-stamps are late as on a busy computer, or samples are missing. For inertias and stiffnesses it
+``python -m benchmarks.uneven`` identifies four logs of poor loggers and four of disturbed arms,
+with late time stamps as on a busy computer or with missing samples. For inertias and stiffnesses it
 prints how many are determined, how many of their intervals contain the truth, and the median
 half-width.
 """

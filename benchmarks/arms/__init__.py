@@ -1,1 +1,1 @@
-"""Random planar arms, simulated by MuJoCo, and what `flexid identify --model` finds of them."""
+"""Random planar arms, simulated by MuJoCo and identified by `flexid identify --model`."""

@@ -1,4 +1,4 @@
-"""``python -m benchmarks.arms``: random two-joint arms in MuJoCo, and what is found of them."""
+"""``python -m benchmarks.arms``: identify random two-joint arms simulated in MuJoCo."""
 
 import argparse
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""A random planar arm with elastic joints: its numbers, and MuJoCo's model of it."""
+"""Random planar arms with elastic joints: parameters and MuJoCo model."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from flexid.models.planar_arm import PlanarArm
 
 @dataclass(frozen=True)
 class Link:
-    """One joint and its link; the centre of mass is given along and across the link."""
+    """Parameters of a joint and its link; the centre of mass is given along and across the link."""
 
     length: float
     mass: float
@@ -23,17 +23,17 @@ class Link:
     motor_coulomb: float
     link_viscous: float
     link_coulomb: float
-    cubic: float = 0.0  # N m/rad^3, of a spring that hardens
-    slide: float | None = None  # rad, from the link before: its joint slides, and units are of that
+    cubic: float = 0.0  # N m/rad^3, of a hardening spring
+    slide: float | None = None  # rad, direction of a sliding joint from the previous link
 
     @property
     def spring(self) -> str:
-        """Its stiffness as MuJoCo has it."""
+        """Stiffness in MuJoCo's format."""
         return f"{self.stiffness!r} 0 {self.cubic!r}" if self.cubic else repr(self.stiffness)
 
     @property
     def motion(self) -> str:
-        """How its joint moves, as MuJoCo has it."""
+        """Type and axis of the joint in MuJoCo's format."""
         if self.slide is None:
             return 'axis="0 -1 0"'
         return f'type="slide" axis="{float(np.cos(self.slide))!r} 0 {float(np.sin(self.slide))!r}"'
@@ -41,9 +41,9 @@ class Link:
 
 @dataclass(frozen=True)
 class Arm:
-    """Links from the base on; `carried`: rotors spin on the link before them, without a gear.
+    """Links from the base on; with `carried`, rotors sit on the previous link, without a gear.
 
-    Those of slides never do.
+    Rotors of sliding joints never do.
     """
 
     links: tuple[Link, ...]
@@ -52,17 +52,17 @@ class Arm:
 
     @property
     def joints(self) -> int:
-        """How many."""
+        """Number of joints."""
         return len(self.links)
 
     @property
     def spun(self) -> list[bool]:
-        """Of which joints the rotor spins on the link before."""
+        """Joints whose rotor sits on the previous link."""
         return [self.carried and link.slide is None for link in self.links]
 
     @property
     def known(self) -> PlanarArm:
-        """What is given of it."""
+        """Known values of the arm that the identification gets."""
         slides = tuple(link.slide for link in self.links)
         return PlanarArm(
             tuple(link.length for link in self.links),
@@ -71,9 +71,9 @@ class Arm:
         )
 
     def truth(self) -> dict[str, float]:
-        """Parameters by the names that the fit has for them."""
+        """True parameters by the names of the fit."""
         found: dict[str, float] = {}
-        beyond, inertia = 0.0, 0.0  # of what the link carries
+        beyond, inertia = 0.0, 0.0  # mass and inertia beyond the link
         for i, link in reversed([*enumerate(self.links, 1)]):
             turns, spun = link.slide is None, self.spun[i - 1]
             size = link.along**2 + link.across**2
@@ -98,20 +98,20 @@ class Arm:
                 if i > 1:
                     found[f"rotor_coupling_{i}"] = link.motor_inertia if spun else 0.0
                 inertia = link.motor_inertia if spun else 0.0
-            else:  # it turns with the link before, on which its mass does not rest
+            else:  # a sliding link turns with the previous one, which does not carry its mass
                 found[f"link_mass_{i}"] = beyond
                 beyond = 0.0
         return found
 
 
-ROTOR_MASS = 0.5  # kg, where rotors are carried
+ROTOR_MASS = 0.5  # kg, if rotors are carried
 
 
 def mjcf(arm: Arm, step: float) -> str:
-    """MuJoCo's model; angles are positive from x, along link 1 at zero, towards z.
+    """Return MuJoCo's model; angles are positive from x, along link 1 at zero, towards z.
 
-    Dry friction is MuJoCo's: a constraint, which is tight here, since its time constant is two
-    short steps and its impedance nearly 1.
+    Dry friction is a constraint of MuJoCo. It is tight here, with a time constant of two short
+    steps and an impedance of nearly 1.
     """
     gx, gz = arm.gravity
     tight = f'solreffriction="{2.0 * step!r} 1" solimpfriction="0.9999 0.9999 0.001"'
@@ -162,7 +162,7 @@ def mjcf(arm: Arm, step: float) -> str:
 def random_arm(
     rng: np.random.Generator, joints: int = 2, harsh: bool = False, slides: bool = False
 ) -> Arm:
-    """Draw an arm; harsh ones have inertias up to 5 to 1 and springs of 50 to 20 000 N m/rad.
+    """Draw an arm; harsh ones have inertia ratios up to 5 and springs of 50 to 20 000 N m/rad.
 
     With `slides`, at least one joint slides, in any direction.
     """
@@ -209,7 +209,7 @@ def random_arm(
 
 
 def _slides(rng: np.random.Generator, joints: int) -> list[float | None]:
-    """Directions of those joints that slide."""
+    """Draw the directions of the sliding joints."""
     pattern = int(rng.integers(1, 2**joints))
     sliding = [pattern >> joint & 1 for joint in range(joints)]
     angles = rng.choice([0.0, 0.5 * np.pi, 0.6], joints)

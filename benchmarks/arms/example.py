@@ -1,4 +1,4 @@
-"""``python -m benchmarks.arms.example FOLDER``: a log of two joints, and the file of its arm."""
+"""``python -m benchmarks.arms.example FOLDER``: write a log of two joints and its arm file."""
 
 import sys
 from pathlib import Path

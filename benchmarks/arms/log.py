@@ -1,4 +1,4 @@
-"""A log of a random arm: controlled motion in MuJoCo, through encoders that round and rustle."""
+"""Log of a random arm: controlled motion in MuJoCo, with encoder steps and noise."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,32 +19,32 @@ _PER_RADIAN: Mapping[JointType, float] = {"revolute": 1.0, "prismatic": 0.3}  # 
 
 @dataclass(frozen=True)
 class Motion:
-    """How an arm is moved and measured."""
+    """Motion, controller and sensors of an arm's log."""
 
     duration: float = sized(20.0, 4.0)
     sample_time: float = 1e-3
     bits: int = 17
-    noise: float = 1.0  # of an encoder, in its steps
-    amplitude: float = 0.6  # rad, of the slow reference; of a joint that slides a third in m
-    shake: float = 1.0  # of the torque beside the controller's, over what the inertia asks for
-    torque_noise: float = 0.0  # of the log, over the torque's root mean square
-    quiet_joint: int = 0  # whose motion is a tenth, if not 0
+    noise: float = 1.0  # of an encoder, in steps
+    amplitude: float = 0.6  # rad, of the slow reference; a third of that in m for a sliding joint
+    shake: float = 1.0  # added torque, over the torque that the inertia needs
+    torque_noise: float = 0.0  # of the logged torque, over its root mean square
+    quiet_joint: int = 0  # joint with a tenth of the motion; 0 for none
     gain: float = 1.0  # of the controller
 
 
 @dataclass(frozen=True)
 class Log:
-    """What was logged, one column a joint."""
+    """Logged arrays, with one column per joint."""
 
     time: Array
     motor: Array
     link: Array
     torque: Array
-    types: tuple[JointType, ...]  # how each joint moves
+    types: tuple[JointType, ...]  # of each joint
 
 
 def random_motion(rng: np.random.Generator, harsh: bool = False) -> Motion:
-    """Draw a motion; harsh ones may be slow, quiet in one joint, or of a noisy torque."""
+    """Draw a motion; harsh ones may be slow, small in one joint, or with noisy torque."""
     usual = Motion(
         sample_time=float(rng.choice([1e-3, 2e-3])),
         bits=int(rng.integers(14, 19)),
@@ -67,14 +67,14 @@ def random_motion(rng: np.random.Generator, harsh: bool = False) -> Motion:
 
 
 def _sines(rng: np.random.Generator, band: tuple[float, float], count: int, t: Array) -> Array:
-    """Sum of sines of random phase, of unit size at most about."""
+    """Return a sum of sines of random phase, with a peak of about 1 at most."""
     frequencies = np.exp(rng.uniform(np.log(band[0]), np.log(band[1]), count))
     phases = rng.uniform(0.0, 2.0 * np.pi, count)
     return np.sin(2.0 * np.pi * np.outer(t, frequencies) + phases).sum(axis=1) / np.sqrt(count)
 
 
 def simulate(arm: Arm, motion: Motion, rng: np.random.Generator) -> Log:
-    """Run an arm under a controller of its motors that holds its torque between samples."""
+    """Simulate an arm with a controller whose torque is constant between samples."""
     import mujoco
 
     fastest = max(

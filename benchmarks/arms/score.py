@@ -1,4 +1,4 @@
-"""What was found of an arm beside the truth."""
+"""Score of an arm's estimate against the truth."""
 
 import time
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ from flexid.models.planar_arm import PlanarArm
 
 @dataclass(frozen=True)
 class Score:
-    """One arm: relative errors of the stiffnesses, and intervals that hold the truth."""
+    """Score of one arm: relative errors of stiffnesses, and intervals that contain the truth."""
 
     seed: int
     arm: Arm
     motion: Motion
     seconds: float
-    processor: float  # s, of all cores
+    processor: float  # processor time in s, of all cores
     stiffness_errors: tuple[float, ...] = ()
     stiffness_verdicts: tuple[str, ...] = ()
     determined: int = 0
@@ -33,7 +33,7 @@ class Score:
 
 
 def trial(seed: int, joints: int, harsh: bool, slides: bool) -> Score:
-    """Draw an arm, move it, identify it from the file of its log."""
+    """Draw and simulate an arm, and identify it from its log file."""
     rng = np.random.default_rng([seed, joints, harsh])
     arm, motion = random_arm(rng, joints, harsh, slides), random_motion(rng, harsh)
     log = simulate(arm, motion, rng)

@@ -1,4 +1,4 @@
-"""Seven joints: the time of the equations and of their compilation, and one step of the fit."""
+"""Seven joints: time of the equations, their compilation, and one step of the fit."""
 
 import time
 
@@ -18,7 +18,7 @@ from flexid.recording.velocities import position_noise
 
 
 def seven_joints(seed: int, joints: int = 7) -> None:
-    """Print times and errors for an arm of so many joints."""
+    """Print times and errors for an arm with a number of joints."""
     rng = np.random.default_rng([seed, joints])
     arm = random_arm(rng, joints)
     log = simulate(arm, Motion(amplitude=0.3, bits=18), rng)

@@ -1,1 +1,1 @@
-"""Each tool's part of the comparison: one file each, written as a user of that tool would."""
+"""Code of each compared tool, one file each, written as by a user of that tool."""

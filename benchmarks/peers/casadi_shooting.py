@@ -1,8 +1,8 @@
-"""CasADi, multiple shooting: all states are unknowns, tied together by the model; IPOPT solves.
+"""CasADi, multiple shooting: all states are unknowns, constrained by the model; IPOPT solves.
 
-As in CasADi's own example of system identification: every sample is a node, the states start from
-the measurements, and the Hessian is Gauss-Newton's. Velocities that no sensor measured start from
-differences of smoothed positions. It has no intervals.
+As in CasADi's own example of system identification, every sample is a node, the states start from
+the measurements, and the Hessian is of Gauss-Newton type. Velocities without a sensor start from
+differences of smoothed positions. There are no intervals.
 """
 
 import casadi as ca
@@ -13,7 +13,7 @@ from benchmarks.peers.problem import COEFFICIENTS, Answer, Log
 
 
 class NotSolvedError(Exception):
-    """IPOPT gave up."""
+    """IPOPT did not find a solution."""
 
 
 def identify(log: Log) -> Answer:

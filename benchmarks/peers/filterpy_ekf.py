@@ -1,7 +1,7 @@
 """filterpy's extended Kalman filter for the states and the logarithms of the coefficients.
 
-The filter knows the noise of the sensors and starts from half the true coefficients. Its
-covariance at the end gives the intervals.
+The filter has the true noise of the sensors and starts from half the true coefficients. Its final
+covariance gives the intervals.
 """
 
 from math import cos, exp, sin
@@ -11,7 +11,7 @@ from filterpy.kalman import ExtendedKalmanFilter
 
 from benchmarks.peers.problem import COEFFICIENTS, Answer, Log
 
-# Process noise: per sample, parts of the variance of position and velocity; of the logarithms.
+# Process noise per sample: shares of the variances of position and velocity; of the logarithms.
 _POSITION_DRIFT, _VELOCITY_DRIFT, _LOGARITHM_DRIFT = 1e-4, 1e-4, 1e-14
 
 

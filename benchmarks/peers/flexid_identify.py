@@ -1,6 +1,6 @@
-"""`flexid identify LOG`, from the file; here its one call in Python, without any setting.
+"""`flexid identify LOG` from the file, as one Python call without settings.
 
-Nothing of noise, hold or starting values is given, and reading the file is part of the time.
+Noise, hold and starting values are not given, and the time includes reading the file.
 """
 
 from benchmarks.peers.problem import COEFFICIENTS, Answer, Log

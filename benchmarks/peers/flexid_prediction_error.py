@@ -1,6 +1,6 @@
 """flexid's library function `prediction_error`, with segments of a chosen length.
 
-It starts from least squares, is given the hold of the torque, and leaves velocities aside.
+It starts from least squares, is given the hold of the torque, and does not use velocities.
 """
 
 import numpy as np

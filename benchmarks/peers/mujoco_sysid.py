@@ -1,12 +1,11 @@
-"""MuJoCo's sysid: a scene is simulated again and again until it moves as the log does.
+"""MuJoCo's sysid: the parameters of a scene are fitted until it moves like the log.
 
 The scene is a pendulum and a motor on one axis with a spring (a tendon) between them. The log is
-cut into sequences, whose initial states sysid takes as given: they come from cubics through the
-measurements around them. Short sequences lead to the right values from far away, long ones suffer
-less from wrong initial states: sequences of 1 s and of 5 s are fitted in turn.
-Positions and velocities are compared with the states of the simulation, not with its sensors,
-which lag by a step. sysid's Gauss-Newton covariance gives the intervals, carried on to ratios of
-parameters.
+cut into sequences with fixed initial states, which come from cubics fitted to the measurements.
+Short sequences converge from distant starting values; long ones are less sensitive to errors of the
+initial states. So sequences of 1 s are fitted first, then those of 5 s. Positions and velocities
+are compared with the states of the simulation, as its sensors lag by a step. Intervals of
+parameter ratios are computed from sysid's Gauss-Newton covariance.
 """
 
 import contextlib
@@ -18,7 +17,7 @@ from scipy.signal import savgol_filter
 from benchmarks.peers.problem import COEFFICIENTS, Answer, Log
 
 _SEQUENCES = (1.0, 5.0)  # s
-_WINDOW = 41  # samples of the cubics
+_WINDOW = 41  # samples for each cubic
 
 
 def identify(log: Log) -> Answer:
@@ -77,11 +76,11 @@ def identify(log: Log) -> Answer:
         speeds = savgol_filter(log.velocities, _WINDOW, 3, axis=0)
         data = np.hstack([log.positions, log.velocities])
         names = ["link_qpos", "motor_qpos", "link_qvel", "motor_qvel"]
-    torque = np.append(log.mean_torque, log.torque[-1])[:, None]  # the engine holds it
+    torque = np.append(log.mean_torque, log.torque[-1])[:, None]  # constant during a step
     for duration in _SEQUENCES:
         length = min(round(duration / log.sample_time), len(log.time) - 1)
         firsts = range(0, len(log.time) - length, length)
-        time = log.sample_time * np.arange(length + 1)  # the engine's clock begins again
+        time = log.sample_time * np.arange(length + 1)  # the clock starts at zero again
         states, controls, measurements = [], [], []
         for first in firsts:
             part = slice(first, first + length + 1)

@@ -1,9 +1,8 @@
-"""NumPy least squares on regressors and accelerations that passed the same filter.
+"""NumPy least squares on regressors and accelerations with the same filter.
 
-This is the practice in robotics: both sides of x2' = ... and x4' = ... are filtered alike, so that
-the filtered acceleration needs no differentiation but the filter's own, and `lstsq` does the rest.
-The filter's rate is its user's choice: about the joint's resonance. The intervals are those of the
-textbook, for residuals that are independent.
+This is the practice in robotics: both sides of x2' = ... and x4' = ... get the same filter, which
+also differentiates, and `lstsq` solves for the coefficients. The user chooses the filter's rate near
+the joint's resonance. The intervals are the textbook ones for independent residuals.
 """
 
 import numpy as np
@@ -16,13 +15,13 @@ _RATE = 20.0  # 1/s
 
 def identify(log: Log) -> Answer:
     # user code begins
-    def filtered(signal, order=0):  # order-th derivative, through (rate / (s + rate))^2
+    def filtered(signal, order=0):  # order-th derivative, filtered by (rate / (s + rate))^2
         numerator = _RATE**2 * np.eye(3)[2 - order]
         lag = [1.0, 2.0 * _RATE, _RATE**2]
         return lfilter(*bilinear(numerator, lag, 1.0 / log.sample_time), signal)
 
     (x1, x3), torque = log.positions.T, log.torque
-    if log.held:  # the trapezoids of the filter then see the mean over each interval
+    if log.held:  # so that the filter's trapezoidal rule uses the mean over each interval
         torque = 0.5 * (torque + np.append(torque[0], torque[:-1]))
     if log.velocities is None:
         accelerations, x4 = [filtered(x1, 2), filtered(x3, 2)], filtered(x3, 1)

@@ -1,4 +1,4 @@
-"""What every tool is given, and what it gives back."""
+"""Input and output of every compared tool."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,26 +12,26 @@ COEFFICIENTS = ("theta1", "theta2", "alpha1", "alpha2", "beta1")
 
 @dataclass(frozen=True)
 class Log:
-    """A log as flexid reads it from a file, and what the other tools' users know besides.
+    """A log, and information that only the users of other tools have.
 
     Parameters
     ----------
     path : Path
-        The CSV file. flexid reads this, and is given nothing of what follows.
+        CSV file. flexid reads only this file.
     time : (n,) array
         In s, evenly spaced.
     positions : (n, 2) array
         Link and motor, in rad.
     velocities : (n, 2) array or None
-        The same in rad/s; None where there are only encoders.
+        Velocities of link and motor in rad/s; None if there are only encoders.
     torque : (n,) array
         In N m.
     held : bool
-        Whether the torque is constant until the next sample; else it runs linearly to it.
+        Whether the torque is constant until the next sample; otherwise it is linear.
     position_noise, velocity_noise : float
-        True standard deviations, as a data sheet might state them.
+        True standard deviations, as from a data sheet.
     guess : mapping of str to float
-        For tools that need starting values: all coefficients, at half their true value.
+        Starting values for tools that need them: half the true coefficients.
     """
 
     path: Path
@@ -46,25 +46,25 @@ class Log:
 
     @property
     def sample_time(self) -> float:
-        """In s."""
+        """Sample time in s."""
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
 
     @property
     def mean_torque(self) -> FloatArray:
-        """Mean over each interval between samples, shape (n - 1,)."""
+        """Mean torque over each interval between samples, shape (n - 1,)."""
         return self.torque[:-1] if self.held else 0.5 * (self.torque[:-1] + self.torque[1:])
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What a tool says.
+    """Result of a tool.
 
     Parameters
     ----------
     values : mapping of str to float
         The five coefficients.
     intervals : mapping of str to (float, float), or None
-        Nominal 95 % intervals; None where the tool has none.
+        Nominal 95 % intervals; None if the tool gives none.
     """
 
     values: Mapping[str, float]
@@ -74,7 +74,7 @@ class Answer:
 def normal_intervals(
     values: Mapping[str, float], deviations: Mapping[str, float]
 ) -> dict[str, tuple[float, float]]:
-    """Value -/+ 1.96 standard deviations."""
+    """Return intervals of the value -/+ 1.96 standard deviations."""
     return {
         name: (value - 1.96 * deviations[name], value + 1.96 * deviations[name])
         for name, value in values.items()

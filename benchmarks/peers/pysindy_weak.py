@@ -1,8 +1,8 @@
-"""PySINDy in weak form: a sparse regression that integrates by parts instead of differentiating.
+"""PySINDy in weak form: sparse regression with integration by parts.
 
-The candidates for either acceleration are both velocities, sin x1, the twist and the torque; the
-threshold removes those whose coefficient is small. Velocities that no sensor measured come from
-PySINDy's own smoothed differences. It has no intervals.
+The candidates for each acceleration are both velocities, sin x1, the twist and the torque. The
+threshold removes candidates with small coefficients. Velocities without a sensor come from
+PySINDy's smoothed differences. There are no intervals.
 """
 
 import numpy as np
@@ -10,14 +10,14 @@ import pysindy
 
 from benchmarks.peers.problem import Answer, Log
 
-_WINDOWS, _HALF_WIDTH = 1000, 1.0  # number, and half their width in s
+_WINDOWS, _HALF_WIDTH = 1000, 1.0  # number, and half-width in s
 
 
 def identify(log: Log) -> Answer:
     # user code begins
     np.random.seed(0)  # noqa: NPY002 - PySINDy places its windows with NumPy's global generator
     (x1, x3), torque = log.positions.T, log.torque
-    if log.held:  # integrals take signals as linear between samples
+    if log.held:  # integrals assume signals linear between samples
         torque = 0.5 * (torque + np.append(torque[0], torque[:-1]))
     velocities = log.velocities
     if velocities is None:

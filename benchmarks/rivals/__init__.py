@@ -1,1 +1,1 @@
-"""MuJoCo's sysid and PySINDy on logs of the blind trials, given what flexid has to find."""
+"""MuJoCo's sysid and PySINDy on logs of the blind trials, with terms and delays given."""

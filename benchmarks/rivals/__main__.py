@@ -1,4 +1,4 @@
-"""MuJoCo's sysid and PySINDy beside flexid on logs of the blind trials.
+"""Compare MuJoCo's sysid and PySINDy with flexid on logs of the blind trials.
 
     python -m benchmarks.rivals [--seeds N] [--first-seed K] [--family F ...] [--tool T ...]
                                 [--out FILE] [--page]
@@ -18,7 +18,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is imported
 
 from benchmarks.page_block import write_block
 from benchmarks.report import processor
@@ -29,7 +29,7 @@ from benchmarks.trials.run import commit
 
 
 def main() -> None:
-    """Run, and show what came out."""
+    """Run the tools and print the results."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.rivals",
         description=__doc__,
@@ -63,7 +63,7 @@ def _results(options: argparse.Namespace) -> dict[str, Any]:
             tools.append(key)
     for key in tools:
         if key != "mujoco":
-            record(key, "basic", 0)  # loads and compiles: not timed
+            record(key, "basic", 0)  # compilation and imports are not timed
     records = []
     for family in options.family or FAMILIES:
         for seed in range(options.first_seed, options.first_seed + options.seeds):
@@ -82,7 +82,7 @@ def _results(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
-    """Both; of a log that a tool has twice, the new record."""
+    """Return old and new records; for the same log and tool, the new one."""
     records = {(r["family"], r["seed"], r["tool"]): r for r in old["records"] + new["records"]}
     return {
         "runs": old["runs"] + new["runs"],
@@ -92,7 +92,7 @@ def merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
 
 
 def _text(results: dict[str, Any]) -> str:
-    """JSON with a line for each log."""
+    """Return the records as JSON with a line for each log."""
     records = ",\n".join(json.dumps(item) for item in results["records"])
     about = json.dumps({k: v for k, v in results.items() if k != "records"}, ensure_ascii=False)
     return f'{about[:-1]},\n"records": [\n{records}\n]}}\n'

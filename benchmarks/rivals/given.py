@@ -1,4 +1,4 @@
-"""A trial's log for tools that find neither delays nor terms: these are given, from the truth."""
+"""A trial's log for tools that cannot find delays and terms, which are given from the truth."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ Intervals = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True)
 class Answer:
-    """What a tool says.
+    """Result of a tool.
 
     Parameters
     ----------
     values : mapping of str to float
         Physical parameters by flexid's names.
     intervals : mapping of str to (float, float), or None
-        Nominal 95 % intervals; None where the tool has none.
+        Nominal 95 % intervals; None if the tool gives none.
     """
 
     values: Mapping[str, float]
@@ -31,20 +31,20 @@ class Answer:
 
 @dataclass(frozen=True, eq=False)
 class Given:
-    """A log with all its channels on one clock, and what its user knows.
+    """A log with all channels on one clock, and the information given to its user.
 
     Parameters
     ----------
     time : array, shape (n,)
         In s, evenly spaced.
     positions : array, shape (n, 2)
-        Link and motor in rad, each when it was there.
+        Link and motor in rad, corrected for their delays.
     terms : tuple of str
-        Flexid's names of the terms that act.
+        Terms that act, by flexid's names.
     start : mapping of str to float
-        Physical parameters by filtered least squares with these terms.
+        Starting values: physical parameters by filtered least squares with these terms.
     resonance : float
-        In rad/s.
+        Resonance in rad/s.
     """
 
     time: FloatArray
@@ -55,23 +55,23 @@ class Given:
     _impulse: PPoly
 
     def window(self, angle: float) -> int:
-        """Samples, an odd number, over which the resonance turns by an angle in rad."""
+        """Return the odd number of samples in which the resonance's phase advances by an angle."""
         return 2 * round(0.5 * angle / self.resonance / self.sample_time) + 1
 
     @property
     def sample_time(self) -> float:
-        """In s."""
+        """Sample time in s."""
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
 
     def mean_torque(self, edges: FloatArray) -> FloatArray:
-        """Mean between consecutive times of the torque that acts, in N m."""
+        """Mean of the acting torque between consecutive times, in N m."""
         return np.diff(self._impulse(edges)) / np.diff(edges)
 
 
 def given(trial: Trial) -> Given:
-    """What the users of other tools get of a trial."""
+    """Return the data of a trial for users of other tools."""
     sample = float(trial.metadata["sample_time"])
-    edge = int(np.ceil(0.01 / sample))  # samples at either end, which delays would reach beyond
+    edge = int(np.ceil(0.01 / sample))  # samples at either end, left out because of delays
     time = trial.time[edge:-edge]
     link = CubicSpline(trial.time, trial.link_position)(time + trial.truth["link_delay"])
     acts = trial.time + trial.truth["input_delay"]

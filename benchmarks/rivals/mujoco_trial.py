@@ -1,6 +1,6 @@
-"""MuJoCo's sysid on a trial: a scene with the terms that act is run until it moves as the log does.
+"""MuJoCo's sysid on a trial: a scene with the terms that act is fitted to the log.
 
-As `benchmarks/peers/mujoco_sysid.py`, with friction where there is any, from least squares.
+Like `benchmarks/peers/mujoco_sysid.py`, but with friction, and starting from least squares.
 """
 
 import contextlib
@@ -11,11 +11,11 @@ from scipy.signal import savgol_filter
 
 from benchmarks.rivals.given import Answer, Given
 
-_SEQUENCE = 1.0  # s; longer ones were worse on most of the seeds that this was tuned on
-_SMOOTHED = 1.5  # rad of the resonance, over which cubics give the initial states
-_DRY_STEP = 5e-4  # s, the engine's longest with dry friction
-_RANGE = 5.0  # times the start that a parameter may become, or be less
-_SMALL = 1e-3  # of the stiffness, N m s/rad and N m: where a friction starts that came out negative
+_SEQUENCE = 1.0  # s; longer ones were worse on most of the seeds used for tuning
+_SMOOTHED = 1.5  # rad of the resonance's phase, window of the cubics for the initial states
+_DRY_STEP = 5e-4  # s, longest step of the engine with dry friction
+_RANGE = 5.0  # largest ratio between a parameter and its starting value
+_SMALL = 1e-3  # start of a friction that was estimated as negative, over the stiffness
 _LEVER, _WEIGHT = 0.25, 9.81
 
 _FRICTIONS = {
@@ -27,7 +27,7 @@ _FRICTIONS = {
 
 
 def identify(log: Given) -> Answer:
-    """Physical parameters of a joint with gravity and frictions."""
+    """Return the physical parameters of a joint with gravity and frictions."""
     dry = any(term.endswith("coulomb") for term in log.terms)
     steps = int(np.ceil(log.sample_time / _DRY_STEP - 1e-9)) if dry else 1
     spec = MjSpec.from_string(_scene(log.sample_time / steps))
@@ -66,7 +66,7 @@ def identify(log: Given) -> Answer:
 
 
 def _scene(step: float) -> str:
-    # As dry as the step allows; the engine's own default lets a joint creep.
+    # The stiffest dry friction that the step allows; with the engine's default a joint creeps.
     friction = f'solreffriction="{2.0 * step} 1" solimpfriction="0.9999 0.9999 0.001"'
     return f"""<mujoco>
       <option timestep="{step}" integrator="RK4" gravity="0 0 -{_WEIGHT}"/>
@@ -84,12 +84,12 @@ def _scene(step: float) -> str:
 
 
 def _parameters(log: Given) -> sysid.ParameterDict:
-    """What is sought, from the start that least squares gives."""
+    """Return the unknown parameters, with starting values from least squares."""
 
     def set_gravity(spec, p):
         spec.body("link").mass = p.value[0] / (_WEIGHT * _LEVER)
 
-    def set_link_inertia(spec, p):  # after the mass
+    def set_link_inertia(spec, p):  # set after the mass
         spec.joint("link").armature = p.value[0] - spec.body("link").mass * _LEVER**2 - 1e-6
 
     def set_motor_inertia(spec, p):

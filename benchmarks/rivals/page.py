@@ -1,4 +1,4 @@
-"""`rivals.json` as a part of `docs/comparison.md`; needs none of the compared tools."""
+"""Render `rivals.json` as a part of `docs/comparison.md`, without the compared tools."""
 
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
@@ -14,13 +14,13 @@ RESULTS = Path(__file__).parents[1] / "rivals.json"
 PAGE = Path(__file__).parents[2] / "docs" / "comparison.md"
 
 BLOCK = "rivals"
-_WIDTH = 98  # characters of a line of prose
+_WIDTH = 98  # characters of a line of text
 
 Record = Mapping[str, Any]
 
 
 def render(results: Mapping[str, Any]) -> str:
-    """All tables as Markdown."""
+    """Return all tables as Markdown."""
     records = results["records"]
     tools = [key for key in TOOLS if any(r["tool"] == key for r in records)]
     families = [f for f in FAMILIES if any(r["family"] == f for r in records)]

@@ -1,17 +1,17 @@
-"""PySINDy with a library of the right terms, by its smoothed derivatives or in its weak form."""
+"""PySINDy with a library of the acting terms, with smoothed derivatives or in weak form."""
 
 import numpy as np
 import pysindy
 
 from benchmarks.rivals.given import Answer, Given
 
-_SMOOTHED = 0.5  # rad of the resonance, over which its differences are smoothed
-_WINDOWS, _HALF_WIDTH = 1000, 0.2  # of the weak form: number, and half their width in s
+_SMOOTHED = 0.5  # rad of the resonance's phase, window of the smoothed differences
+_WINDOWS, _HALF_WIDTH = 1000, 0.2  # of the weak form: number, and half-width in s
 _THRESHOLD = 0.2  # of terms scaled to a root mean square of one; smaller coefficients are zero
 
 
 def identify(log: Given, *, weak: bool) -> Answer:
-    """Physical parameters of a joint; the weak form integrates instead of differentiating."""
+    """Return the physical parameters of a joint, optionally by the weak form."""
     np.random.seed(0)  # noqa: NPY002 - PySINDy places its windows with NumPy's global generator
     h, time = log.sample_time, log.time
     rate = pysindy.SmoothedFiniteDifference(

@@ -1,4 +1,4 @@
-"""The tools, each as a function of a trial; a tool is imported when it is used."""
+"""Compared tools, each as a function of a trial; a tool is imported when it is used."""
 
 import tempfile
 import time
@@ -14,22 +14,22 @@ from benchmarks.trials.plain_least_squares import plain_least_squares
 from benchmarks.trials.score import CORE
 
 FAMILIES = ("basic", "coulomb", "both_delays", "lugre")
-"""Families whose terms every tool has: gravity and frictions."""
+"""Families whose terms every tool supports: gravity and frictions."""
 
 
 @dataclass(frozen=True)
 class Tool:
-    """One line of the tables.
+    """One tool of the tables.
 
     Parameters
     ----------
     title : str
     package : str
-        What has to be installed.
+        Package that must be installed.
     given : str
-        What its user gives beside the log.
+        Values that the user gives in addition to the log.
     identify : callable
-        Physical parameters from a trial.
+        Function that returns the physical parameters of a trial.
     """
 
     title: str
@@ -83,18 +83,18 @@ TOOLS: Mapping[str, Tool] = {
     "pysindy_weak": Tool("PySINDy, weak form", "pysindy", _STRUCTURE, _pysindy_weak),
     "mujoco": Tool("MuJoCo sysid", "mujoco", f"{_STRUCTURE}, start by least squares", _mujoco),
 }
-"""By their name on the command line."""
+"""Tools by their name on the command line."""
 
 
 def record(key: str, family: str, seed: int) -> dict[str, Any]:
-    """One log by one tool: errors in per cent of the truth, ready for JSON.
+    """Run one tool on one log and return its errors, ready for JSON.
 
     Returns
     -------
     dict
-        ``errors`` of the core parameters that the drive has; ``inside``, whether their intervals
-        hold the truth, and ``widest``, half the widest in per cent, where there are intervals;
-        ``seconds`` of the processors; ``failed`` in their place where there is no answer.
+        ``errors`` of the drive's core parameters in per cent of the truth. With intervals:
+        ``inside``, whether they contain the truth, and ``widest``, the largest half-width in per
+        cent. ``seconds``: processor time. ``failed`` instead, if there is no result.
     """
     trial = make_trial(family, seed)
     about = {"tool": key, "family": family, "seed": seed}
@@ -102,14 +102,14 @@ def record(key: str, family: str, seed: int) -> dict[str, Any]:
     try:
         with warnings.catch_warnings(action="ignore"):
             answer = TOOLS[key].identify(trial)
-    except Exception as error:  # whatever a tool fails with is its result
+    except Exception as error:  # any failure of a tool is a result
         return about | {"failed": f"{type(error).__name__}: {error}"[:200]}
     seconds = time.process_time() - start
     return about | {"seconds": _short(seconds)} | score(answer, trial.truth)
 
 
 def score(answer: Answer, truth: Mapping[str, float]) -> dict[str, Any]:
-    """The answer beside the truth."""
+    """Return the errors and intervals of a result."""
     core = [name for name in CORE if truth.get(name)]
     errors = {name: 100.0 * (answer.values[name] / truth[name] - 1.0) for name in core}
     found: dict[str, Any] = {"errors": {name: _short(e) for name, e in errors.items()}}
