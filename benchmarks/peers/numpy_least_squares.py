@@ -1,8 +1,8 @@
 """NumPy least squares on regressors and accelerations with the same filter.
 
 This is the practice in robotics: both sides of x2' = ... and x4' = ... get the same filter, which
-also differentiates, and `lstsq` solves for the coefficients. The user chooses the filter's rate near
-the joint's resonance. The intervals are the textbook ones for independent residuals.
+also differentiates, and `lstsq` solves for the coefficients. The user chooses the filter's rate
+near the joint's resonance. The intervals are the textbook ones for independent residuals.
 """
 
 import numpy as np

@@ -1,1 +1,1 @@
-"""Blind trials: random drives, motions and sensors, identified blindly and scored."""
+"""Blind trials: random drives, motions and sensors, identified without the truth and scored."""

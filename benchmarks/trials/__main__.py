@@ -1,4 +1,4 @@
-"""Blind trials: logs of random drives, identified blindly and scored against the truth.
+"""Blind trials: logs of random drives, identified without the truth and scored against it.
 
     python -m benchmarks.trials [--seeds N] [--first-seed K] [--family F ...] [--realistic]
                                 [--with-structure] [--jobs J] [--out FILE]
@@ -21,7 +21,7 @@ from benchmarks.trials.realistic.families import REALISTIC
 
 
 def main() -> None:
-    """Run or merge, and show what came out."""
+    """Run trials or merge results, and print the scores."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.trials",
         description=__doc__,

@@ -1,4 +1,4 @@
-"""The type of arrays of the trials' logs, which are made without flexid."""
+"""Array types for the trials' logs, which are made without flexid."""
 
 import numpy as np
 from numpy.typing import NDArray

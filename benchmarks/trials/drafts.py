@@ -1,4 +1,4 @@
-"""A drive before its motion is known: some of it is a share of the torque or the deflection."""
+"""Draft of a drive before its motion is known, with values relative to torque and deflection."""
 
 from dataclasses import dataclass, field
 
@@ -10,37 +10,37 @@ from benchmarks.trials.integrator import Drive
 
 @dataclass
 class Draft:
-    """What a family draws; it becomes a `Drive` once the size of the motion is known.
+    """Random draft of a family, which becomes a `Drive` once the size of the motion is known.
 
     Parameters
     ----------
     base : Drive
-        What is absolute.
+        Absolute values.
     resonance : float
-        Of link against motor, in rad/s.
+        Resonance of link against motor, in rad/s.
     band : float
-        Frequency in rad/s up to which, roughly, a torque reaches.
+        Approximate highest frequency of the torque, in rad/s.
     target : float
-        Half the range that the link is to swing through, in rad.
+        Half the desired range of the link, in rad.
     of_torque : dict of str to float
         Fields of the drive, as shares of the torque's root mean square.
     cubic, hysteresis, hysteresis_reach, bend : float
         Share of the spring's torque at the largest deflection; share of the spring's torque; and
-        two deflections as shares of the deflection's root mean square.
+        two deflections over the deflection's root mean square.
     presliding : float
-        Displacement of LuGre friction before it slips, in rad.
+        Presliding displacement of LuGre friction, in rad.
     torque_noise : float
-        Of the torque that acts and is in no log, as a share of its root mean square.
+        Unlogged part of the acting torque, over the torque's root mean square.
     input_delay, link_delay : float
-        In s, with flexid's signs: positive if the torque acts later, if the link shows earlier.
+        In s, positive if the torque acts later, and if the link is recorded earlier, as in flexid.
     link_zero, motor_zero, torque_zero : float
-        Added to what is recorded; the last as a share of the torque's root mean square.
+        Offsets of the recorded values; the last over the torque's root mean square.
     controlled : bool
-        Whether a position controller drives.
+        Whether a position controller moves the drive.
     motion : {"sines", "steps", "moves"}
-        Which torques are played, or with the last, which references are followed.
+        Kind of torque; for "moves", of the controller's reference.
     jolted : bool
-        Whether a torque in steps plays before the log begins, and steps where it does.
+        Whether a stepped torque acts before the log begins and steps at its beginning.
     durations : tuple of float
         Shortest and longest log in s.
     longest : float
@@ -48,22 +48,22 @@ class Draft:
     holds : tuple of str
         Holds to choose from.
     bits : tuple of int
-        Fewest and most bits of the encoders.
+        Smallest and largest number of bits of the encoders.
     noise : tuple of float
-        Smallest and largest noise, in rad, of encoders that are not rounded.
+        Smallest and largest noise of encoders without rounding, in rad.
     visible : tuple of float
         Smallest and largest deflection in multiples of the encoder's error.
     faint : float
-        Deflection in multiples of the error of encoders that are chosen for that; zero if the
-        encoders are drawn.
+        Deflection in multiples of the encoder's error, for which encoders are chosen; zero if
+        encoders are random.
     smallest : float
         Smallest deflection in rad.
     jitter : float
-        Of the instants of sampling, as a share of the sample time.
+        Jitter of the sampling instants, over the sample time.
     stamps : {"true", "nominal"}
-        Which times the log holds.
+        Time stamps of the log.
     lost : {"", "missing", "stale"}
-        What happens to a few samples.
+        Fault of a few samples.
     """
 
     base: Drive
@@ -100,7 +100,7 @@ class Draft:
 
 @dataclass(frozen=True)
 class Size:
-    """Size of a motion: root mean square and peak of the torque, and of the deflection."""
+    """Size of a motion: root mean squares and peaks of torque and deflection."""
 
     torque: float
     torque_peak: float
@@ -109,7 +109,7 @@ class Size:
 
 
 def realised(draft: Draft, size: Size) -> Drive:
-    """The drive of a draft for a size of its motion."""
+    """Return the drive of a draft for a size of the motion."""
     drive = draft.base._replace(peak_torque=size.torque_peak)
     drive = drive._replace(**{name: share * size.torque for name, share in draft.of_torque.items()})
     stiffness = drive.joint_stiffness
@@ -130,10 +130,10 @@ def realised(draft: Draft, size: Size) -> Drive:
 
 
 def truth(draft: Draft, drive: Drive, size: Size) -> dict[str, float]:
-    """Physical parameters by flexid's names, in terms of what the log shows.
+    """Return the true physical parameters by flexid's names, for the channels as logged.
 
-    An offset of an encoder moves gravity's angle, and stretches the spring by the difference of
-    both encoders' offsets; two masses pull as one in between.
+    An offset of an encoder shifts the gravity angle, and the difference of both offsets adds a
+    torque of the spring. Two masses act as one at an angle in between.
     """
     pull = drive.gravity_torque * np.exp(1j * drive.gravity_angle)
     pull += drive.payload_torque * np.exp(1j * drive.payload_angle)
@@ -192,9 +192,9 @@ _TERMS = {
     "torque_ripple": "torque_ripple",
     "torque_saturation": "torque_saturation",
 }
-"""The term that brings each parameter in."""
+"""Term that contains each parameter."""
 
 
 def acting(values: dict[str, float]) -> tuple[str, ...]:
-    """Flexid's terms for the parameters that are not zero."""
+    """Return flexid's terms for the parameters that are not zero."""
     return tuple(term for name, term in _TERMS.items() if values.get(name, 0.0) != 0.0)

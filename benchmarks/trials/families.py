@@ -1,4 +1,4 @@
-"""The families of drives, and what each of them draws."""
+"""Families of random drives."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,21 +13,21 @@ Generator = np.random.Generator
 
 @dataclass(frozen=True)
 class Family:
-    """A kind of drive.
+    """Family of drives.
 
     Parameters
     ----------
     name, about : str
-        Its name, and what it has in one line.
+        Name, and a description of one line.
     in_class : bool
-        Whether flexid's usual terms describe it exactly.
+        Whether flexid's usual terms describe the drive exactly.
     change : callable
-        What it draws beside the basic drive.
+        Function that adds the family's properties to the basic drive.
     has_gravity : bool, optional
     own_term : bool, optional
-        Whether an unusual term describes what they do not.
+        Whether an unusual term describes the rest.
     resonances : tuple of float, optional
-        Slowest and fastest of link against motor, in rad/s.
+        Lowest and highest resonance of link against motor, in rad/s.
     """
 
     name: str
@@ -39,7 +39,7 @@ class Family:
     resonances: tuple[float, float] = (8.0, 45.0)
 
     def draw(self, rng: Generator) -> Draft:
-        """Draw a drive."""
+        """Draw a draft of a drive."""
         harmonic = self.name == "harmonic_drive"
         draft = _harmonic(rng) if harmonic else _basic(rng, self.has_gravity, self.resonances)
         self.change(rng, draft)
@@ -51,7 +51,7 @@ def _log(rng: Generator, low: float, high: float) -> float:
 
 
 def _basic(rng: Generator, has_gravity: bool, resonances: tuple[float, float]) -> Draft:
-    """Gravity and viscous friction of the motor; everything else is for the families."""
+    """Draw inertias, spring, gravity and the motor's viscous friction, common to all families."""
     link = _log(rng, 0.02, 2.0)
     motor = link * _log(rng, 0.2, 5.0)
     resonance = _log(rng, *resonances)
@@ -69,7 +69,7 @@ def _basic(rng: Generator, has_gravity: bool, resonances: tuple[float, float]) -
 
 
 def _harmonic(rng: Generator) -> Draft:
-    """The size of an arm's harmonic drive: stiff, with much friction."""
+    """Draw values like an arm's harmonic drive: stiff, with much friction."""
     while True:
         stiffness, motor = _log(rng, 5e3, 3e4), _log(rng, 0.7, 1.5)
         resonance = _log(rng, 70.0, 150.0)
@@ -179,9 +179,9 @@ def _point_to_point(rng: Generator, draft: Draft) -> None:
 
 
 def _fast_joint(rng: Generator, draft: Draft) -> None:
-    draft.band = draft.resonance * rng.uniform(0.4, 0.75)  # none of its tones is far above
+    draft.band = draft.resonance * rng.uniform(0.4, 0.75)  # no tone is far above the resonance
     draft.smallest = 3e-4
-    draft.longest = 2.0**-16  # no rounding as such steps add up, of which there are many
+    draft.longest = 2.0**-16  # many such steps add up without rounding
     if rng.random() < 0.5:
         _some_coulomb(rng, draft)
 
@@ -256,7 +256,7 @@ def _spring_other(rng: Generator, draft: Draft) -> None:
 
 
 def _two_at_once(rng: Generator, draft: Draft) -> None:
-    springs = _backlash, _spring_other  # no spring has both
+    springs = _backlash, _spring_other  # mutually exclusive
     beside = (_stribeck, _ripple, _eccentricity, springs[rng.integers(2)])
     for place in rng.choice(len(beside), 2, replace=False):
         beside[place](rng, draft)
@@ -416,4 +416,4 @@ _ALL = (
 )
 
 FAMILIES: Mapping[str, Family] = {family.name: family for family in _ALL}
-"""By name; those of the model class first."""
+"""Families by name, those in the model class first."""

@@ -1,4 +1,4 @@
-"""One blind trial: a log, and the truth that made it. Nothing here imports flexid."""
+"""One blind trial: a log and its truth. Nothing here imports flexid."""
 
 import zlib
 from collections.abc import Mapping
@@ -25,9 +25,9 @@ from benchmarks.trials.sensors import (
 HEADER = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"
 
 _TABLE_STEP = 1e-4  # s, of a smooth torque
-_COARSE = 2.5e-4  # s, steps while the amplitude is sought
+_COARSE = 2.5e-4  # s, steps during the search for the amplitude
 TRIES, _MOTIONS, _PLAYS = 500, 4, 7
-_FARTHEST = 2.2  # rad from hanging straight down: no link goes over the top
+_FARTHEST = 2.2  # rad from hanging straight down, so that no link turns over
 _FASTEST = 60.0  # rad/s
 _LARGEST_DEFLECTION = 0.1  # rad, root mean square
 
@@ -39,20 +39,20 @@ class Trial:
     Parameters
     ----------
     family, seed
-        What it was drawn from.
+        Family and seed of the draw.
     time, link_position, motor_position, torque : (n,) ndarray
         As recorded.
     truth : mapping of str to float
-        Physical parameters by flexid's names, zero where nothing acts; ``gravity_angle`` is missing
-        where there is no gravity. Beside them ``input_delay`` and ``link_delay`` in s.
+        Physical parameters by flexid's names, zero if they do not act; ``gravity_angle`` is missing
+        without gravity. Also ``input_delay`` and ``link_delay`` in s.
     terms : tuple of str
-        Flexid's terms that act.
+        Acting terms by flexid's names.
     hold : {"zero", "smooth"}
-        Whether the torque was held between samples, or ran on.
+        Whether the torque was constant between samples or continuous.
     in_class : bool
         Whether flexid's terms describe the drive exactly.
     metadata : mapping
-        What was drawn beside the drive.
+        Other random choices.
     """
 
     family: str
@@ -65,10 +65,10 @@ class Trial:
     terms: tuple[str, ...]
     hold: str
     in_class: bool
-    metadata: Mapping[str, Any]  # numbers and words
+    metadata: Mapping[str, Any]  # numbers and texts
 
     def write_csv(self, path: Path) -> None:
-        """Write the log alone."""
+        """Write only the log, without its truth."""
         columns = (self.time, self.link_position, self.motor_position, self.torque)
         np.savetxt(
             path,
@@ -82,7 +82,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Play:
-    """A motion with its size, ready to be run.
+    """A motion with its amplitude, controller and hold.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class Play:
 
 @dataclass(frozen=True)
 class Run:
-    """What happened: states (n, 4), link as its encoder meets it, torque as it was commanded."""
+    """Result of a run: states (n, 4), link at its encoder's instants, commanded torque."""
 
     states: FloatArray
     link: FloatArray
@@ -108,7 +108,7 @@ class Run:
 
 
 class Recorded(NamedTuple):
-    """A log, the drive, and how it was moved and measured."""
+    """A log with its drive, sensors and motion."""
 
     trial: Trial
     drive: Drive
@@ -118,12 +118,12 @@ class Recorded(NamedTuple):
 
 
 def make_trial(family: str, seed: int) -> Trial:
-    """Draw a log; the same for the same family and seed.
+    """Draw a log, which depends only on family and seed.
 
     Parameters
     ----------
     family : str
-        Out of `FAMILIES`.
+        One of `FAMILIES`.
     seed : int
 
     Returns
@@ -133,7 +133,7 @@ def make_trial(family: str, seed: int) -> Trial:
     Raises
     ------
     RuntimeError
-        If no drive and motion go together; none of the seeds tried does that.
+        If no suitable drive and motion are found; this did not happen with any seed tried.
     """
     chosen = FAMILIES[family]
     rng = np.random.default_rng((seed, zlib.crc32(family.encode())))
@@ -145,7 +145,7 @@ def make_trial(family: str, seed: int) -> Trial:
 
 
 def record(rng: np.random.Generator, family: str, seed: int, draft: Draft) -> Recorded | None:
-    """A log of a drive; None if no motion goes with it."""
+    """Record a log of a drive; return None if no motion suits it."""
     sensors = draw_sensors(rng, draft)
     for _ in range(_MOTIONS):
         play, size = _draw_play(rng, draft, sensors)
@@ -166,7 +166,7 @@ def record(rng: np.random.Generator, family: str, seed: int, draft: Draft) -> Re
 
 
 def _draw_play(rng: np.random.Generator, draft: Draft, sensors: Sensors) -> tuple[Play, Size]:
-    """A motion, and a guess at its size."""
+    """Draw a motion with a first guess of its amplitude."""
     base = draft.base
     motion = _draw_motion(rng, draft, sensors)
     inertia = base.link_inertia + base.motor_inertia
@@ -206,10 +206,10 @@ def _draw_motion(rng: np.random.Generator, draft: Draft, sensors: Sensors) -> Mo
 def _sized(
     draft: Draft, sensors: Sensors, play: Play, size: Size, noise: Noise
 ) -> tuple[Play, Size, Drive] | None:
-    """The amplitude that makes the link move as far as it should; None if there is none."""
+    """Find the amplitude for the desired range of the link; return None if there is none."""
     for turn in range(_PLAYS):
         drive = realised(draft, size)
-        drive = drive._replace(  # LuGre's friction takes short steps, and moves as far as Coulomb's
+        drive = drive._replace(  # Coulomb friction gives the same range without LuGre's short steps
             motor_coulomb_up=drive.motor_coulomb_up + drive.bristle_coulomb,
             motor_coulomb_down=drive.motor_coulomb_down + drive.bristle_coulomb,
             bristle_stiffness=0.0,
@@ -256,7 +256,7 @@ def run_play(
     disturbing: float,
     longest: float,
 ) -> Run:
-    """Run a drive; `disturbing` scales the torque that is in no log, in N m."""
+    """Simulate a drive; `disturbing` scales the unlogged torque, in N m."""
     count = len(times)
     course = np.zeros((count, 3))
     empty = Smooth(np.empty(0), 0.0, 1.0)
@@ -289,7 +289,7 @@ def run_play(
 
 
 def _visible(draft: Draft, sensors: Sensors, size: Size) -> bool:
-    """Whether the deflection is one that the encoders show, and that a joint bears."""
+    """Whether the deflection is large enough for the encoders and small enough for a joint."""
     low, high = draft.visible
     return bool(
         low < size.deflection / sensors.error < high
@@ -298,7 +298,7 @@ def _visible(draft: Draft, sensors: Sensors, size: Size) -> bool:
 
 
 def _accepted(draft: Draft, drive: Drive, sensors: Sensors, run: Run) -> bool:
-    """Whether a run looks like one that someone would record."""
+    """Whether a run is realistic enough to be recorded."""
     states = run.states[sensors.before :]
     if not np.all(np.isfinite(states)):
         return False
@@ -325,7 +325,7 @@ def trial_of(
     noise: Noise,
     run: Run,
 ) -> Trial:
-    """The log of a run."""
+    """Return the log of a run, with its truth."""
     log = slice(sensors.before, None)
     stamps = sensors.instants[log]
     if draft.jitter and draft.stamps == "true":
@@ -355,7 +355,7 @@ def trial_of(
 def _metadata(
     draft: Draft, drive: Drive, sensors: Sensors, play: Play, size: Size
 ) -> dict[str, float | str]:
-    """What was drawn: everything of the drive that acts, the sensors, the motion and its size."""
+    """Return the random choices: acting values of the drive, sensors, motion and its size."""
     usual = Drive._field_defaults
     acts = {name: v for name, v in drive._asdict().items() if v != usual.get(name)}
     return acts | {

@@ -1,12 +1,12 @@
-"""A flexible joint in its own integrator; it shares no code with flexid.
+"""Simulation of a flexible joint that shares no code with flexid.
 
     Jl q'' = -G sin(q - a) - s(q - p) - link friction + link offset
     Jm p'' =  s(q - p) - motor friction + motor offset + torque
 
-Fourth-order Runge-Kutta steps. Coulomb friction is set-valued on both sides: a side is slipping one
-way or the other, or stuck, and the instants where that changes are found by bisection, so that no
-step goes across one. Whatever is held (the torque, a disturbance) changes at its own instants,
-which no step goes across either.
+Fourth-order Runge-Kutta steps. Coulomb friction is set-valued on both sides: a side slips in one of
+two directions or sticks. Bisection finds the instants at which this mode changes, and no step
+contains such an instant inside. The same holds for the instants at which a constant torque or
+disturbance changes.
 """
 
 from typing import NamedTuple
@@ -16,13 +16,13 @@ from numba import njit  # pyright: ignore[reportMissingTypeStubs]
 
 from benchmarks.trials.arrays import FloatArray
 
-_BISECTIONS = 45  # of a step: to the last digits
+_BISECTIONS = 45  # of a step, to full precision
 _BEFORE = 1e-3  # s, from rest to the first sample
-_BRISTLE_SHARE = 0.5  # of the bristle's decay time: the longest step of LuGre friction
+_BRISTLE_SHARE = 0.5  # longest step of LuGre friction, over the bristle's decay time
 
 
 class Drive(NamedTuple):
-    """Everything that acts, in SI units; what is zero does not act.
+    """Parameters of a drive in SI units; zero if an effect is absent.
 
     Coulomb levels are those of either direction: `motor_coulomb_up` opposes positive velocity.
     """
@@ -31,9 +31,9 @@ class Drive(NamedTuple):
     motor_inertia: float
     joint_stiffness: float
     gravity_torque: float = 0.0
-    gravity_angle: float = 0.0  # rad, where it hangs straight down
+    gravity_angle: float = 0.0  # rad, at which the link hangs straight down
     payload_torque: float = 0.0  # of a second mass on the link
-    payload_angle: float = 0.0  # rad, where that mass would hang straight down
+    payload_angle: float = 0.0  # rad, at which that mass hangs straight down
     motor_viscous: float = 0.0
     link_viscous: float = 0.0
     joint_damping: float = 0.0
@@ -48,16 +48,16 @@ class Drive(NamedTuple):
     bristle_coulomb: float = 0.0  # N m
     bristle_static: float = 0.0  # N m
     stribeck_velocity: float = 1.0  # rad/s
-    motor_static: float = 0.0  # N m, of dry friction at rest beyond that while it slips
+    motor_static: float = 0.0  # N m, excess of dry friction at rest over that in slip
     ripple_torque: float = 0.0  # N m
     ripple_number: float = 0.0  # per turn of the joint
     ripple_phase: float = 0.0
-    half_gap: float = 0.0  # rad, of a spring's dead zone
-    bend: float = 0.0  # rad, deflection where the spring's stiffness changes
-    bend_stiffness: float = 0.0  # N m/rad, what the stiffness gains there
+    half_gap: float = 0.0  # rad, half the spring's dead zone
+    bend: float = 0.0  # rad, deflection at which the spring's stiffness changes
+    bend_stiffness: float = 0.0  # N m/rad, change of the stiffness there
     hysteresis_torque: float = 0.0  # N m
     hysteresis_reach: float = 1.0  # rad of deflection
-    hysteresis_power: float = 1.0  # of Bouc and Wen: 1 bends all the way, more bend late
+    hysteresis_power: float = 1.0  # exponent of Bouc and Wen's model; larger ones bend more sharply
     eccentricity: float = 0.0  # rad
     eccentricity_phase: float = 0.0
     saturation: float = 0.0  # share of the torque that is lost at the peak
@@ -65,9 +65,9 @@ class Drive(NamedTuple):
 
 
 class Law(NamedTuple):
-    """Controller on the motor's encoder; no gain means an open loop.
+    """Controller on the motor's encoder; without gains an open loop.
 
-    Encoder: rounded to `count` rad about `zero` where there is a count.
+    If `count` is not zero, the encoder is rounded to steps of `count` rad about `zero`.
     """
 
     proportional: float = 0.0
@@ -79,7 +79,7 @@ class Law(NamedTuple):
 
 
 class Smooth(NamedTuple):
-    """A torque that runs on between samples, as a fine table; an empty table means a held one."""
+    """Continuous torque as a fine table; empty if the torque is constant between samples."""
 
     values: FloatArray
     start: float
@@ -88,7 +88,7 @@ class Smooth(NamedTuple):
 
 @njit(cache=True)
 def torque_at(smooth, value, time):
-    """The torque: what is held, and on top of it the table between its four nearest points."""
+    """Return the torque: the constant part plus the table's cubic interpolation."""
     if smooth.values.size == 0:
         return value
     place = (time - smooth.start) / smooth.step
@@ -106,7 +106,7 @@ def torque_at(smooth, value, time):
 
 @njit(cache=True)
 def spring_torque(drive, deflection):
-    """Elastic torque of the joint, without damping and hysteresis."""
+    """Return the elastic torque of the joint, without damping and hysteresis."""
     if drive.half_gap > 0.0:
         if abs(deflection) <= drive.half_gap:
             return 0.0
@@ -119,7 +119,7 @@ def spring_torque(drive, deflection):
 
 @njit(cache=True)
 def gravity_torque(drive, position):
-    """Gravity on the link, positive where it pulls towards negative angles."""
+    """Return the torque of gravity on the link, positive towards negative angles."""
     torque = 0.0
     if drive.gravity_torque != 0.0:
         torque += drive.gravity_torque * np.sin(position - drive.gravity_angle)
@@ -130,7 +130,7 @@ def gravity_torque(drive, position):
 
 @njit(cache=True)
 def _loads(drive, state, torque):
-    """Torques on link and motor beside Coulomb friction; the deflection's rate as well."""
+    """Return the torques on link and motor without Coulomb friction, and the deflection rate."""
     q, w, p, v, _, h = state
     joint, slope = p, 1.0
     if drive.eccentricity != 0.0:
@@ -150,7 +150,7 @@ def _loads(drive, state, torque):
 
 @njit(cache=True)
 def _friction(drive, mode, velocity, is_link):
-    """Dry friction of a side that slips in the direction of its mode."""
+    """Return the dry friction of a side that slips in the direction of its mode."""
     if is_link:
         return -mode * drive.link_coulomb
     friction = -drive.motor_coulomb_up if mode > 0 else drive.motor_coulomb_down
@@ -193,7 +193,7 @@ def _moved(state, rate, by):
 
 @njit(cache=True)
 def _step(drive, smooth, value, time, by, state, link_mode, motor_mode):
-    """One step of Runge and Kutta with fixed modes."""
+    """Return the state after a Runge-Kutta step with fixed modes."""
     middle = torque_at(smooth, value, time + 0.5 * by)
     k1 = _derivative(drive, state, torque_at(smooth, value, time), link_mode, motor_mode)
     k2 = _derivative(drive, _moved(state, k1, 0.5 * by), middle, link_mode, motor_mode)
@@ -208,7 +208,7 @@ def _step(drive, smooth, value, time, by, state, link_mode, motor_mode):
 
 @njit(cache=True)
 def _mode_at_rest(drive, load, is_link):
-    """Stuck, or the direction in which a side at rest begins to slip."""
+    """Return the mode of a side at rest: 0 if it sticks, else the direction of slip."""
     up = drive.link_coulomb if is_link else drive.motor_coulomb_up + drive.motor_static
     down = drive.link_coulomb if is_link else drive.motor_coulomb_down + drive.motor_static
     if load > up:
@@ -218,7 +218,7 @@ def _mode_at_rest(drive, load, is_link):
 
 @njit(cache=True)
 def _over(drive, load, velocity, mode, is_link):
-    """Whether a side has left its mode."""
+    """Return whether a side has left its mode."""
     if mode == 0:
         return _mode_at_rest(drive, load, is_link) != 0
     return mode * velocity < 0.0
@@ -226,7 +226,7 @@ def _over(drive, load, velocity, mode, is_link):
 
 @njit(cache=True)
 def _left(drive, smooth, value, time, state, link_mode, motor_mode):
-    """Which sides have left their modes."""
+    """Return which sides have left their modes."""
     link, motor, _ = _loads(drive, state, torque_at(smooth, value, time))
     link_left = drive.link_coulomb > 0.0 and _over(drive, link, state[1], link_mode, True)
     motor_left = drive.motor_coulomb_up + drive.motor_coulomb_down > 0.0 and _over(
@@ -237,7 +237,7 @@ def _left(drive, smooth, value, time, state, link_mode, motor_mode):
 
 @njit(cache=True)
 def _settled(drive, smooth, value, time, state, link_mode, motor_mode, link_left, motor_left):
-    """State and modes after an event: what passed zero velocity is at rest or slips on."""
+    """Return state and modes after an event; a side at zero velocity sticks or slips on."""
     q, w, p, v, z, h = state
     w = 0.0 if link_left and link_mode != 0 else w
     v = 0.0 if motor_left and motor_mode != 0 else v
@@ -252,7 +252,7 @@ def _settled(drive, smooth, value, time, state, link_mode, motor_mode, link_left
 
 @njit(cache=True)
 def _advance(drive, smooth, value, time, end, state, link_mode, motor_mode, longest):
-    """From one instant to another, across any events between them."""
+    """Integrate from one instant to another, with the events in between."""
     has_friction = drive.motor_coulomb_up + drive.motor_coulomb_down + drive.link_coulomb > 0.0
     while time < end:
         by = min(longest, end - time)
@@ -284,7 +284,7 @@ def _advance(drive, smooth, value, time, end, state, link_mode, motor_mode, long
 
 @njit(cache=True)
 def controlled(law, course, position, sample, memory):
-    """The controller's torque, and what it keeps: summed error, speed, and what it read."""
+    """Return the controller's torque and its state: summed error, speed and reading."""
     summed, speed, before = memory
     read = position + course[2]
     if law.count > 0.0:
@@ -304,26 +304,26 @@ def controlled(law, course, position, sample, memory):
 def simulate(
     drive, times, link_times, switch_times, held, disturbance, smooth, law, course, start, longest
 ):
-    """Run a drive.
+    """Simulate a drive.
 
     Parameters
     ----------
     drive : Drive
     times : (n,) array
-        When the motor's encoder is read, and a controller runs, in s.
+        Instants of the motor's encoder and of the controller, in s.
     link_times, switch_times : (n,) array
-        When the link's encoder is read, and when the held torque of each sample begins to act.
+        Instants of the link's encoder, and those from which each sample's torque acts.
     held : (n,) array
-        Torque of each sample; with a controller, what it finds is written here.
+        Torque of each sample; overwritten with the controller's torque, if any.
     disturbance : (n,) array
-        Torque that acts with the sample's torque and is in no log.
+        Unlogged torque that acts with each sample's torque.
     smooth : Smooth
-        The torque, where it is not held.
+        Continuous torque, if any.
     law : Law
     course : (n, 3) array
-        Motor position and velocity wanted by the controller, and noise of its encoder.
+        Reference position and velocity of the motor, and noise of the controller's encoder.
     start : float
-        Angle of link and motor at the beginning, where both rest.
+        Initial angle of link and motor, which start at rest.
     longest : float
         Longest step in s.
 
@@ -332,7 +332,7 @@ def simulate(
     states : (n, 4) array
         Position and velocity of link and motor at the times.
     link : (n,) array
-        Position of the link at the link's times.
+        Position of the link at `link_times`.
     """
     count = len(times)
     states, link = np.empty((count, 4)), np.empty(count)

@@ -1,4 +1,4 @@
-"""What is played: sums of sines, one of which may sweep; torques in steps; moves to and fro."""
+"""Motions: sums of sines, perhaps with a sweep; stepped torques; moves between targets."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -9,32 +9,32 @@ from benchmarks.trials.arrays import FloatArray, IntArray
 
 
 class Motion(Protocol):
-    """A torque or a reference over time."""
+    """Torque or reference over time."""
 
     @property
     def kind(self) -> str:
-        """What it is, in a word or two."""
+        """Name of the kind of motion."""
         ...
 
     def at(self, time: FloatArray, /) -> FloatArray:
-        """Values at some times, shape (n,)."""
+        """Return the values at given times, shape (n,)."""
         ...
 
     def rate_at(self, time: FloatArray, /) -> FloatArray:
-        """Derivatives at some times, shape (n,)."""
+        """Return the derivatives at given times, shape (n,)."""
         ...
 
 
 @dataclass(frozen=True)
 class Sines:
-    """A sum of sines, ``sum a sin(f t + s t^2 / 2 + phase)``.
+    """Sum of sines, ``sum a sin(f t + s t^2 / 2 + phase)``.
 
     Parameters
     ----------
     amplitudes, frequencies, sweeps, phases : (k,) ndarray
         Frequencies in rad/s, sweeps in rad/s².
     kind : str
-        What it is, in a word.
+        Name of the kind of motion.
     """
 
     amplitudes: FloatArray
@@ -44,14 +44,14 @@ class Sines:
     kind: str
 
     def at(self, time: FloatArray) -> FloatArray:
-        """Values at some times, shape (n,)."""
+        """Return the values at given times, shape (n,)."""
         total = np.zeros(len(time))
         for a, f, s, phase in self._parts():
             total += a * np.sin((f + 0.5 * s * time) * time + phase)
         return total
 
     def rate_at(self, time: FloatArray) -> FloatArray:
-        """Derivatives at some times, shape (n,)."""
+        """Return the derivatives at given times, shape (n,)."""
         total = np.zeros(len(time))
         for a, f, s, phase in self._parts():
             total += a * (f + s * time) * np.cos((f + 0.5 * s * time) * time + phase)
@@ -66,7 +66,7 @@ class Sines:
 
 @dataclass(frozen=True)
 class Steps:
-    """Levels, each from its own instant on; zero before the first.
+    """Stepped torque: each level holds from its instant on; zero before the first.
 
     Parameters
     ----------
@@ -80,27 +80,27 @@ class Steps:
     kind: str
 
     def at(self, time: FloatArray) -> FloatArray:
-        """Values at some times, shape (n,)."""
+        """Return the values at given times, shape (n,)."""
         return np.append(0.0, self.levels)[np.searchsorted(self.instants, time, side="right")]
 
     def rate_at(self, time: FloatArray) -> FloatArray:
-        """Derivatives between the steps: none, shape (n,)."""
+        """Return zeros, the derivatives between the steps, shape (n,)."""
         return np.zeros(len(time))
 
 
 @dataclass(frozen=True)
 class Moves:
-    """Moves from target to target, with rests in between; it begins at rest at zero.
+    """Moves between targets, with rests in between; they start at rest at zero.
 
     Parameters
     ----------
     begins, takes : (k,) ndarray
-        When each move begins, and how long it takes, in s; a move ends before the next begins.
+        Start and duration of each move in s; a move ends before the next begins.
     targets : (k,) ndarray
-        Where each of them ends.
+        Final position of each move.
     ramp : float
-        Share of a move's time in which it gains speed, and again in which it loses it: the speed is
-        a trapezoid. Zero is for moves of minimum jerk.
+        Duration of the acceleration, and of the deceleration, over the move's duration: the speed
+        is a trapezoid. Zero for moves of minimum jerk.
     """
 
     begins: FloatArray
@@ -110,11 +110,11 @@ class Moves:
 
     @property
     def kind(self) -> str:
-        """The shape of a move."""
+        """Shape of a move."""
         return "trapezoids" if self.ramp else "minimum jerk"
 
     def at(self, time: FloatArray) -> FloatArray:
-        """Values at some times, shape (n,)."""
+        """Return the values at given times, shape (n,)."""
         move, share = self._place(time)
         if self.ramp:
             early = np.minimum(share, self.ramp)
@@ -126,7 +126,7 @@ class Moves:
         return self._starts[move] + (self.targets - self._starts)[move] * gone
 
     def rate_at(self, time: FloatArray) -> FloatArray:
-        """Derivatives at some times, shape (n,)."""
+        """Return the derivatives at given times, shape (n,)."""
         move, share = self._place(time)
         if self.ramp:
             speed = np.clip(np.minimum(share, 1.0 - share) / self.ramp, 0.0, 1.0)
@@ -140,7 +140,7 @@ class Moves:
         return np.append(0.0, self.targets[:-1])
 
     def _place(self, time: FloatArray) -> tuple[IntArray, FloatArray]:
-        """The move that goes on, or went before, and the share of its time that is over."""
+        """Return the current or latest move at each time, and the elapsed share of its duration."""
         move = np.maximum(np.searchsorted(self.begins, time, side="right") - 1, 0)
         return move, np.clip((time - self.begins[move]) / self.takes[move], 0.0, 1.0)
 
@@ -156,7 +156,7 @@ def draw_torque(rng: np.random.Generator, resonance: float, duration: float) -> 
         frequencies = resonance * np.append(shares, rest)
         amplitudes = rng.uniform(0.3, 1.0, count)
         sweeps = np.zeros(count)
-    elif kind == "chirp":  # with one slow sine, which keeps the link moving
+    elif kind == "chirp":  # plus a slow sine that keeps the link moving
         first, last, slow = resonance * rng.uniform([0.1, 0.7, 0.08], [0.3, 1.5, 0.3])
         frequencies, sweeps = np.array([first, slow]), np.array([(last - first) / duration, 0.0])
         amplitudes = np.array([1.0, rng.uniform(0.2, 1.0)])
@@ -182,18 +182,18 @@ def draw_reference(rng: np.random.Generator, resonance: float) -> Sines:
 def draw_steps(
     rng: np.random.Generator, resonance: float, begin: float, end: float, jolted: bool
 ) -> Steps:
-    """Draw a torque in steps, or one that switches to and fro by a clock.
+    """Draw a stepped torque, or one that switches between two levels by a clock.
 
     Parameters
     ----------
     rng : Generator
     resonance : float
-        In rad/s; a clock ticks in a part of its period.
+        In rad/s; the clock's period is a fraction of the resonance's.
     begin, end : float
-        Times in s, before and after zero, between which it plays.
+        Times in s, before and after zero, between which the torque acts.
     jolted : bool
-        Whether it plays before time zero already and steps then. Otherwise there is no torque
-        until some time after zero.
+        Whether the torque acts before time zero and steps then. Otherwise it starts some time after
+        zero.
     """
     first = 0.0 if jolted else float(rng.uniform(0.1, 0.5))
     if rng.random() < 0.5:
@@ -206,14 +206,14 @@ def draw_steps(
         spans = np.full(int((end - first) / tick) + 1, tick)
         levels = rng.choice([-1.0, 1.0], len(spans))
     instants = first + np.append(0.0, np.cumsum(spans[:-1]))
-    if jolted:  # something else than what comes at zero, so that this is a step
+    if jolted:  # different from the level at zero, so that there is a step
         instants = np.append(begin, instants)
         levels = np.append(-np.sign(levels[0]) * rng.uniform(0.3, 1.0), levels)
     return Steps(instants, levels, kind)
 
 
 def draw_moves(rng: np.random.Generator, begin: float, end: float) -> Moves:
-    """Draw a reference of about unit size that goes to random targets and rests at each."""
+    """Draw a reference of about unit size with random targets and rests."""
     ramp = float(rng.choice([0.0, rng.uniform(0.15, 0.5)]))
     most = int((end - begin) / 0.5) + 1
     takes, rests = rng.uniform(0.3, 1.5, most), rng.uniform(0.2, 1.0, most)

@@ -1,4 +1,4 @@
-"""Scores as tables: on the terminal, and on `docs/trials.md`."""
+"""Tables of scores for the terminal and for `docs/trials.md`."""
 
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
@@ -17,7 +17,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "trials.md"
 
 BLOCK = "trials"
 
-WIDTH = 98  # characters of a line of prose
+WIDTH = 98  # characters of a line of text
 
 Results = Mapping[str, Any]
 
@@ -25,7 +25,7 @@ Column = tuple[str, Callable[[FamilyScore], str]]
 
 
 def render(results: Results) -> str:
-    """Everything that was measured, as Markdown; failures first."""
+    """Return all results as Markdown, failures first."""
     clean, with_sins = _kinds(results)
     found = scores(clean)
     parts = ["### How it was run", "", *_how(results), ""]
@@ -46,7 +46,7 @@ def render(results: Results) -> str:
 
 
 def terminal(results: Results) -> str:
-    """All scores without the lists of families, for a terminal."""
+    """Return all scores for a terminal, without the lists of families."""
     clean, with_sins = _kinds(results)
     found = scores(clean)
     parts = []
@@ -62,13 +62,13 @@ def terminal(results: Results) -> str:
 
 
 def _kinds(results: Results) -> tuple[list[Mapping[str, Any]], list[Mapping[str, Any]]]:
-    """Records of the usual families, and of the realistic ones."""
+    """Return the records of the usual families, and those of the realistic ones."""
     clean = [record for record in results["records"] if not record.get("realistic")]
     return clean, [record for record in results["records"] if record.get("realistic")]
 
 
 def _aligned(headings: list[str], lines: list[list[str]]) -> list[str]:
-    """A table for a terminal."""
+    """Return a table for a terminal."""
     widths = [max(map(len, column)) for column in zip(headings, *lines, strict=True)]
     return [
         "  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
@@ -77,7 +77,7 @@ def _aligned(headings: list[str], lines: list[list[str]]) -> list[str]:
 
 
 def families() -> str:
-    """The families as Markdown."""
+    """Return the list of families as Markdown."""
     outside = {True: "no, a term of its own", False: "no"}
     lines = [
         [one.name, one.about, "yes" if one.in_class else outside[one.own_term]]

@@ -1,9 +1,9 @@
-"""What a practitioner who knows the terms would do: filter, differentiate, least squares.
+"""Plain method of a practitioner who knows the terms: filter, differentiate, least squares.
 
-All signals pass the same low-pass filter forwards and backwards, so that it delays nothing and
-cancels from the equations; both equations are linear in the physical parameters and are solved
-together. The terms, hold, delays and the joint's resonance are given; gaps, eccentric gears and
-torques that saturate are not among them.
+All signals pass the same low-pass filter forwards and backwards, which adds no delay and cancels
+from the equations. Both equations are linear in the physical parameters and are solved together.
+The terms, hold, delays and the joint's resonance are given. Backlash, eccentric gears and
+saturation of the torque are not modelled.
 """
 
 import numpy as np
@@ -13,12 +13,12 @@ from benchmarks.trials.generate import Trial
 from flexid.arrays import FloatArray
 
 _CUTOFF = 2.0  # times the resonance
-_MOST = 0.3  # of the sampling rate
-_EDGE = 0.03  # of the log, which the filter spoils at either end
+_MOST = 0.3  # largest cutoff, over the sampling rate
+_EDGE = 0.03  # of the log at either end, left out because of filter transients
 
 
 def plain_least_squares(trial: Trial) -> dict[str, float]:
-    """Physical parameters by flexid's names."""
+    """Return the physical parameters by flexid's names."""
     sample = float(trial.metadata["sample_time"])
     time = np.arange(trial.time[0], trial.time[-1], sample)
     link = np.interp(time + trial.truth["link_delay"], trial.time, trial.link_position)
@@ -39,7 +39,7 @@ def plain_least_squares(trial: Trial) -> dict[str, float]:
     w, v = rate(np.asarray(sosfiltfilt(sections, link))), rate(sosfiltfilt(sections, motor))
     zero, one = np.zeros_like(time), np.ones_like(time)
     spring = link - motor
-    columns = {  # what each parameter multiplies in the link's and the motor's equation
+    columns = {  # regressors of each parameter in the link's and the motor's equation
         "link_inertia": (rate(w), zero),
         "motor_inertia": (zero, rate(v)),
         "joint_stiffness": (spring, -spring),

@@ -1,4 +1,4 @@
-"""One log of a trial, identified blindly: what came out, beside the truth."""
+"""Record of one log of a trial: the identified values and the truth."""
 
 import tempfile
 import time
@@ -18,28 +18,28 @@ from flexid.recording.read import read_log
 from flexid.recording.recording import Log
 
 _HOLDS = {"zero": "zero", "smooth": "cubic"}
-"""The hold in flexid's words for a trial's."""
+"""Hold by flexid's name, for a trial's hold."""
 
 Record = dict[str, Any]
 
 
 def recorded(family: str, seed: int, with_structure: bool) -> Record:
-    """Draw a log, identify it as a user would, and write down what was claimed.
+    """Draw a log, identify it as a user would, and return a record.
 
     Parameters
     ----------
     family : str
     seed : int
     with_structure : bool
-        Whether to identify it once more with terms, hold and delays given, and to solve
+        Whether to identify it again with terms, hold and delays given, and to solve
         `plain_least_squares`.
 
     Returns
     -------
     dict
-        Ready for JSON. ``estimates`` are value, ends of the interval and status by parameter,
-        ``removed`` the same without status, ``delays`` too, all in SI units; ``error`` in their
-        place where identification raised.
+        Ready for JSON, in SI units. ``estimates``: value, ends of the interval and status by
+        parameter; ``removed`` and ``delays``: without status; ``error`` instead, if the
+        identification raised.
     """
     trial = make_trial(family, seed)
     record = known(trial)
@@ -55,7 +55,7 @@ def recorded(family: str, seed: int, with_structure: bool) -> Record:
 
 
 def known(trial: Trial) -> Record:
-    """What the generator knows of a log, ready for JSON."""
+    """Return the generator's information about a log, ready for JSON."""
     return {
         "family": trial.family,
         "seed": trial.seed,
@@ -68,22 +68,22 @@ def known(trial: Trial) -> Record:
 
 
 def identified(path: Path, settings: Settings, thresholds: Thresholds = THRESHOLDS) -> Record:
-    """What was claimed of a log, ready for JSON.
+    """Identify a log and return the results, ready for JSON.
 
     Parameters
     ----------
     path : Path
-        The log.
+        Path of the log.
     settings : Settings
     thresholds : Thresholds, optional
-        What is decided by.
+        Thresholds of the identification.
     """
     start = time.process_time()
     try:
-        # Reading is part of what a user waits for, and of what may refuse.
+        # Reading counts as well: it takes time and may raise.
         logs: list[Log] = [read_log(path)]
         result = identify(logs, settings, thresholds=thresholds)
-    except Exception as error:  # whatever it fails with is its result
+    except Exception as error:  # any failure is a result
         refused = isinstance(error, FlexidError)
         place = traceback.extract_tb(error.__traceback__)[-1]
         where = "" if refused else f" ({Path(place.filename).name}:{place.lineno})"
@@ -114,7 +114,7 @@ def identified(path: Path, settings: Settings, thresholds: Thresholds = THRESHOL
 
 
 def given_settings(trial: Trial, terms: tuple[str, ...]) -> Settings:
-    """Settings with terms, and the hold and delays that were drawn."""
+    """Return settings with given terms, and the true hold and delays."""
     return Settings(
         terms=terms,
         hold="zero" if trial.hold == "zero" else "cubic",

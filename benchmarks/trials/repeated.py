@@ -1,4 +1,4 @@
-"""Several logs of one drive, as it is and otherwise. Nothing here imports flexid."""
+"""Several logs of one drive, unchanged or changed. Nothing here imports flexid."""
 
 import zlib
 from collections.abc import Mapping, Sequence
@@ -14,26 +14,26 @@ from benchmarks.trials.sensors import draw_noise
 
 
 def make_repeated(family: str, seed: int, changes: Sequence[Mapping[str, float]]) -> list[Trial]:
-    """Draw logs of one drive, each with a motion, encoders and noise of its own.
+    """Draw logs of one drive, each with another motion, encoder and noise.
 
     Parameters
     ----------
     family : str
-        Out of `FAMILIES`.
+        One of `FAMILIES`.
     seed : int
     changes : sequence of mapping of str to float
-        For each log, by which factor fields of `Drive` are other than they were.
+        Factors for fields of `Drive`, for each log.
 
     Returns
     -------
     list of Trial
-        One for each change; and the first once more, with its motion and encoders, and other noise
-        and zeros of these.
+        One for each change, and the first again with its motion and encoders, but other noise and
+        zeros.
 
     Raises
     ------
     RuntimeError
-        If no drive and motion go together.
+        If no suitable drive and motion are found.
     """
     chosen = FAMILIES[family]
     rng = np.random.default_rng((seed, zlib.crc32(family.encode()), 1))
@@ -68,7 +68,7 @@ def _same_motion(
 
 
 def _settled(draft: Draft, drive: Drive) -> Draft:
-    """The same where nothing of the drive depends on the size of its motion any more."""
+    """Return the draft with the drive's values fixed, independent of the size of the motion."""
     return replace(
         draft, base=drive, of_torque={}, cubic=0.0, hysteresis=0.0, bend=0.0, presliding=0.0
     )

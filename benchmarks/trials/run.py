@@ -1,4 +1,4 @@
-"""Many logs in several processes, kept in a JSON file."""
+"""Identify many logs in several processes, with results in a JSON file."""
 
 import datetime
 import json
@@ -22,24 +22,24 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA
 _OFTEN = 20  # logs between two writes of the file
 
 Results = dict[str, Any]
-"""``runs``, one entry for each command, and ``records``, one for each log."""
+"""Entries ``runs``, one for each command, and ``records``, one for each log."""
 
 Task = tuple[str, int, bool]
 """Family, seed, and whether to identify it with its structure given as well."""
 
 
 def run(tasks: Sequence[Task], jobs: int, command: str, out: Path | None) -> Results:
-    """Identify and record logs.
+    """Identify logs and record the results.
 
     Parameters
     ----------
     tasks : sequence of Task
     jobs : int
-        Processes; each computes with one thread.
+        Number of processes, with one thread each.
     command : str
-        For the record.
+        Command line, stored in the results.
     out : Path or None
-        Written now and then, so that a run that is broken off keeps what it has.
+        File that is written regularly, so that an interrupted run keeps its results.
 
     Returns
     -------
@@ -67,7 +67,7 @@ def run(tasks: Sequence[Task], jobs: int, command: str, out: Path | None) -> Res
 
 
 def merged(parts: Sequence[Results]) -> Results:
-    """Several results as one; of a log that is in two of them, the later record counts."""
+    """Merge results; for a log in several of them, the last record counts."""
     records = {(r["family"], r["seed"]): r for part in parts for r in part["records"]}
     runs = [about for part in parts for about in part["runs"]]
     return {
@@ -77,7 +77,7 @@ def merged(parts: Sequence[Results]) -> Results:
 
 
 def text(results: Results) -> str:
-    """JSON with a line for each run and each log."""
+    """Return results as JSON with a line for each run and each log."""
     lines = {
         key: ",\n".join(json.dumps(item, ensure_ascii=False) for item in results[key])
         for key in ("runs", "records")
@@ -86,13 +86,13 @@ def text(results: Results) -> str:
 
 
 def read(path: Path) -> Results:
-    """Results from a file."""
+    """Read results from a file."""
     return json.loads(path.read_text(encoding="utf-8"))
 
 
 def _records(tasks: Sequence[Task], jobs: int) -> Iterator[dict[str, Any]]:
     for variable in _THREADS:
-        os.environ[variable] = "1"  # a new process reads it before it loads anything
+        os.environ[variable] = "1"  # for new processes, which read it at their start
     with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
         futures = {pool.submit(_one, task): task for task in tasks}
         for future in as_completed(futures):
@@ -111,7 +111,7 @@ def _outcome(future: Future[dict[str, Any]], task: Task) -> dict[str, Any]:
     error = future.exception()
     if error is None:
         return future.result()
-    family, seed, _ = task  # the generator failed, or the whole process
+    family, seed, _ = task  # the generator or the whole process failed
     if family in REALISTIC:
         known: dict[str, Any] = {"realistic": True, "core": []}
     else:
@@ -127,7 +127,7 @@ def _outcome(future: Future[dict[str, Any]], task: Task) -> dict[str, Any]:
 
 
 def commit() -> str:
-    """Short name of the commit that is checked out, marked where files were changed since."""
+    """Return the short hash of the current commit, marked if files have changed."""
     command = ["git", "describe", "--always", "--dirty", "--exclude=*"]
     try:
         found = subprocess.run(command, capture_output=True, text=True, check=True)

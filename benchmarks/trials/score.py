@@ -1,4 +1,4 @@
-"""Scores of a family of trials from the records of its logs; needs no flexid."""
+"""Scores of a family of trials from the records of its logs, without flexid."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,36 +10,36 @@ from typing import Any
 import numpy as np
 
 CORE = ("gravity_torque", "link_inertia", "motor_inertia", "joint_stiffness")
-"""What everyone who identifies a joint asks for; gravity where there is any."""
+"""Core parameters, which every user needs; gravity if it acts."""
 
 ANGLES = {
     "gravity_angle": "gravity_torque",
     "eccentricity_angle": "eccentricity",
     "ripple_angle": "torque_ripple",
 }
-"""Parameters that are angles, and what they are the angle of."""
+"""Parameters that are angles, with the amplitude that belongs to each."""
 
 CONSTANTS = frozenset({"stribeck_velocity", "ripple_number", "bend_deflection"})
-"""Constants of shapes, which are not scored."""
+"""Constants of regressors, which are not scored."""
 
 WRONG = 0.01
-"""How far off, relative to the truth (or in rad for an angle), is wrong."""
+"""Least error of a wrong value, relative to the truth, or in rad for an angle."""
 
 Record = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
 class Claim:
-    """An interval that was reported, beside the truth.
+    """A reported interval with its truth.
 
     Parameters
     ----------
     kind : {"kept", "removed", "delay"}
-        A parameter of the model, one of a term that was removed from it, or a delay.
+        Parameter of the model, parameter of a removed term, or delay.
     name : str
     value, low, high, truth : float
     status : str
-        The verdict; empty for what was removed.
+        Verdict; empty for a removed parameter.
     """
 
     kind: str
@@ -52,12 +52,12 @@ class Claim:
 
     @property
     def holds(self) -> bool:
-        """Whether the interval holds the truth; one that is no interval does not."""
+        """Whether the interval contains the truth; False if an end is NaN."""
         return bool(self.low <= self.truth <= self.high)
 
     @property
     def error(self) -> float:
-        """Relative error; of an angle, in rad; infinite where the truth is zero."""
+        """Relative error, or in rad for an angle; infinite if the truth is zero."""
         off = abs(self.value - self.truth)
         if self.name in ANGLES:
             return off
@@ -65,9 +65,9 @@ class Claim:
 
     @property
     def confidently_wrong(self) -> bool:
-        """Determined, outside its interval, and off by more than `WRONG`.
+        """Whether the value is determined, its interval wrong, and its error more than `WRONG`.
 
-        What does not act has no relative error; its intervals count for coverage alone.
+        A parameter that does not act has no relative error; its interval counts for coverage only.
         """
         acts = self.truth != 0.0 or self.name in ANGLES
         wrong = not self.holds and self.error > WRONG
@@ -75,10 +75,9 @@ class Claim:
 
 
 def claims(record: Record) -> Iterator[Claim]:
-    """Everything that one log's result claims; nothing where there is no result.
+    """Yield all reported intervals of a log; none if there is no result.
 
-    A delay that was not sought is no claim. An angle has no truth where there is nothing that it is
-    the angle of, and is left out there.
+    A delay that was not estimated is left out, as is an angle whose amplitude has no truth.
     """
     truth = record["truth"]
     kinds = (("kept", "estimates"), ("removed", "removed"), ("delay", "delays"))
@@ -90,32 +89,32 @@ def claims(record: Record) -> Iterator[Claim]:
             if kind == "delay" and verdict in ("given", "unknown"):
                 continue
             own = truth.get(name, 0.0)
-            if name in ANGLES:  # the turn that is nearest
+            if name in ANGLES:  # the nearest equivalent angle
                 own = value + remainder(own - value, 2.0 * pi)
             yield Claim(kind, name, value, low, high, verdict, own)
 
 
 def core_names(record: Record) -> list[str]:
-    """Names of the core parameters that a drive has."""
+    """Return the names of the core parameters that a drive has."""
     return [name for name in CORE if record["truth"].get(name)]
 
 
 @dataclass(frozen=True)
 class Share:
-    """Some of many."""
+    """Count of a total."""
 
     part: int
     whole: int
 
     @property
     def percent(self) -> float:
-        """In percent; NaN of nothing."""
+        """Share in percent; NaN if the total is zero."""
         return 100.0 * self.part / self.whole if self.whole else float("nan")
 
 
 @dataclass(frozen=True)
 class Spread:
-    """Median, 90th percentile and largest of some numbers; NaN where there are none."""
+    """Median, 90th percentile and maximum of numbers; NaN if there are none."""
 
     middle: float
     high: float
@@ -124,36 +123,36 @@ class Spread:
 
 @dataclass(frozen=True)
 class FamilyScore:
-    """How the logs of a family came out.
+    """Score of a family's logs.
 
     Parameters
     ----------
     family : str
     in_class : bool
     logs, failed, refused : int
-        Logs; those without a result; and of these, those with an error made for the user.
+        Numbers of logs, of those without a result, and of these with an error message for users.
     wrong_core, wrong : int
-        Logs with a core parameter, or any parameter, that is confidently wrong.
+        Numbers of logs with a confidently wrong core parameter, or any such parameter.
     coverage : mapping of str to Share
-        Intervals that hold the truth: ``all`` (parameters kept and removed, and delays),
+        Intervals that contain the truth: ``all`` (parameters kept and removed, and delays),
         ``determined``, ``core`` (of the determined), ``removed`` and ``delay``.
     coverage_deviation : float
-        Standard error of the share ``all``, from log to log, since the intervals of one log miss
-        together.
+        Standard error of the share ``all``, from the spread between logs, as the intervals of one
+        log are correlated.
     core_determined : Share
-        Core parameters that were said to be determined, of all there are.
+        Core parameters reported as determined, of all.
     error : Spread
         Relative errors of the determined core parameters.
     given_error, least_squares_error : Spread
-        The same parameters of the same logs, with the structure given; by plain least squares.
+        Errors of the same parameters with the structure given, and by plain least squares.
     sharpness : float
-        Width of the determined core parameters' intervals over the width with the structure given,
-        median.
+        Median ratio of the widths of determined core parameters' intervals to those with the
+        structure given.
     seconds : Spread
     missed, extra : mapping of str to int
-        Terms that act and were not chosen, and the other way round, with the number of logs.
+        Acting terms that were not chosen, and chosen terms that do not act, with numbers of logs.
     wrong_hold : int
-        Logs whose hold was mistaken.
+        Number of logs with a wrong hold.
     """
 
     family: str
@@ -177,7 +176,7 @@ class FamilyScore:
 
 
 def score(records: Sequence[Record]) -> FamilyScore:
-    """Score the logs of one family."""
+    """Return the score of a family's logs."""
     found = [record for record in records if "error" not in record]
     of_logs = [list(claims(record)) for record in found]
     every = [claim for of_log in of_logs for claim in of_log]
@@ -220,7 +219,7 @@ def score(records: Sequence[Record]) -> FamilyScore:
 
 
 def spread(values: Sequence[float]) -> Spread:
-    """Median, 90th percentile and largest."""
+    """Return median, 90th percentile and maximum."""
     if not values:
         return Spread(float("nan"), float("nan"), float("nan"))
     middle, high, largest = np.quantile(values, (0.5, 0.9, 1.0))
@@ -228,7 +227,7 @@ def spread(values: Sequence[float]) -> Spread:
 
 
 def scores(records: Sequence[Record]) -> list[FamilyScore]:
-    """One score per family: what is in the model class first, and failures first."""
+    """Return a score per family, those in the model class first, and failures first."""
     families = dict.fromkeys(record["family"] for record in records)
     found = [score([r for r in records if r["family"] == family]) for family in families]
     return sorted(found, key=_badness, reverse=True)
@@ -250,7 +249,7 @@ def _held(some: Sequence[Claim]) -> Share:
 
 
 def _deviation(of_logs: Sequence[Share]) -> float:
-    """Standard error of a share, from log to log; NaN of fewer than two, or of nothing."""
+    """Return the standard error of a share between logs; NaN for fewer than two logs."""
     whole = sum(share.whole for share in of_logs)
     if len(of_logs) < 2 or whole == 0:
         return float("nan")
@@ -262,7 +261,7 @@ def _deviation(of_logs: Sequence[Share]) -> float:
 def _beside_given(
     found: Sequence[Record], of_logs: Sequence[Sequence[Claim]]
 ) -> tuple[list[float], list[float], list[float]]:
-    """Errors with the structure given and of plain least squares, ratios of widths; core only."""
+    """Return core errors with the structure given and by least squares, and ratios of widths."""
     errors, least, widths = [], [], []
     for record, of_log in zip(found, of_logs, strict=True):
         for claim in of_log:

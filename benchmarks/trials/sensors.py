@@ -1,4 +1,4 @@
-"""Clock and encoders, their noise, and what gets lost."""
+"""Clock and encoders, their noise, and lost samples."""
 
 from dataclasses import dataclass, replace
 
@@ -17,13 +17,13 @@ class Sensors:
     Parameters
     ----------
     sample_time, duration, lead : float
-        In s; the lead is played before the log begins.
+        In s; the motion starts the lead before the log.
     count : float
-        Step of the encoders in rad, or zero.
+        Step of the encoders in rad; zero without rounding.
     noise : float
-        Standard deviation of the noise in rad, where there are no steps.
+        Standard deviation of the noise in rad, without rounding.
     zeros : tuple of float
-        Where in a step the zeros of link and motor encoder lie.
+        Zeros of the link's and motor's encoder within a step, in rad.
     """
 
     sample_time: float
@@ -35,22 +35,22 @@ class Sensors:
 
     @property
     def error(self) -> float:
-        """Standard deviation of a reading."""
+        """Standard deviation of a reading's error in rad."""
         return self.count / np.sqrt(12.0) if self.count else self.noise
 
     @property
     def before(self) -> int:
-        """Samples of the lead."""
+        """Number of samples in the lead."""
         return round(self.lead / self.sample_time)
 
     @property
     def instants(self) -> FloatArray:
-        """Nominal times, lead included, shape (n,); the log begins at zero."""
+        """Nominal times with the lead, shape (n,); the log begins at zero."""
         count = round(self.duration / self.sample_time) + 1
         return self.sample_time * np.arange(-self.before, count)
 
     def read(self, angles: FloatArray, noise: FloatArray, side: int) -> FloatArray:
-        """What an encoder says."""
+        """Return the readings of an encoder."""
         if not self.count:
             return angles + noise
         zero = self.zeros[side]
@@ -59,7 +59,7 @@ class Sensors:
 
 @dataclass(frozen=True)
 class Noise:
-    """Random numbers of a run, in units of what they are scaled by; all of shape (n,)."""
+    """Random errors, shape (n,): link and motor in rad, others over torque and sample time."""
 
     link: FloatArray
     motor: FloatArray
@@ -84,7 +84,7 @@ def draw_sensors(rng: np.random.Generator, draft: Draft) -> Sensors:
 
 
 def faint(draft: Draft, sensors: Sensors, error: float) -> Sensors:
-    """The clock with encoders of about that error, as far as there are such."""
+    """Return the clock with encoders of about the given error, within the usual range."""
     if not sensors.count:
         return replace(sensors, noise=float(np.clip(error, *draft.noise)))
     bits = round(np.log2(2.0 * np.pi / (error * np.sqrt(12.0))))
@@ -105,7 +105,7 @@ def draw_noise(rng: np.random.Generator, draft: Draft, sensors: Sensors) -> Nois
 
 
 def with_losses(rng: np.random.Generator, lost: str, columns: FloatArray) -> FloatArray:
-    """A few rows left out, or holding what the row before holds."""
+    """Remove a few rows, or replace them by the previous row."""
     if not lost:
         return columns
     places = rng.choice(np.arange(100, len(columns) - 100), int(rng.integers(2, 7)), replace=False)

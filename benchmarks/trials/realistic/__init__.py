@@ -1,1 +1,1 @@
-"""Realistic trials: several sins at once, and the low-frequency physics as the truth."""
+"""Realistic trials: several imperfections ("sins") at once, with low-frequency values as truth."""

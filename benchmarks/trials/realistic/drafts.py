@@ -1,4 +1,4 @@
-"""A realistic drive before the size of its motion is known, and the truth of its log."""
+"""Draft of a realistic drive before the size of its motion is known, and truth of its log."""
 
 from dataclasses import dataclass, field
 
@@ -6,18 +6,18 @@ import numpy as np
 
 from benchmarks.trials.realistic.drive import Plant, warmth_at
 
-_WIDTH = 2e-3  # rad/s, of the smooth change of the friction's sign, where the step resolves it
-_RESOLVED = 2.5e-4  # s, shortest time in which that friction stops the motor
+_WIDTH = 2e-3  # rad/s, width of the friction's smooth sign, if the step resolves it
+_RESOLVED = 2.5e-4  # s, shortest time in which friction stops the motor
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """How an angle is read.
+    """Sensor of an angle.
 
     Parameters
     ----------
     bits : float
-        Of an encoder over a turn, or of a converter over its range.
+        Bits of an encoder per turn, or of a converter over its range.
     range : float
         Range of a converter as a multiple of the motion's; zero for an encoder.
     noise : float
@@ -29,51 +29,50 @@ class Sensor:
     noise: float = 0.0
 
     def step(self, reach: float) -> float:
-        """Step in rad, of angles up to `reach` to either side."""
+        """Return the step in rad for angles up to `reach` to either side."""
         turn = 2.0 * self.range * reach if self.range else 2.0 * np.pi
         return turn / 2.0**self.bits
 
 
 @dataclass
 class Draft:
-    """What a family draws before the size of the motion is known.
+    """Random draft of a family, before the size of the motion is known.
 
     Parameters
     ----------
     plant : Plant
-        What is absolute.
+        Absolute values.
     resonance, pace, duration : float
         Resonance of link against motor in rad/s, samples per second, length in s.
     motion : {"multisine", "binary", "square", "tracking", "moves"}
     target : float
-        Half the range through which the motor is to move, in rad.
+        Half the desired range of the motor, in rad.
     link, motor : Sensor
     shares : dict of str to float
-        Fields of the plant, and `link_push` and `motor_push`, as shares of the torque's root mean
-        square; `dead_zone` and `saturation` as shares of its peak; `cable` as a share of the
-        spring's torque.
+        Fields of the plant, and `link_push` and `motor_push`, over the torque's root mean square;
+        `dead_zone` and `saturation` over its peak; `cable` over the spring's torque.
     push_time : float
         Correlation time of the disturbing torques in s.
     dither : float
-        Root mean square of what is added to a controller's torque, as a share of the whole.
+        Root mean square of a torque added to the controller's, over the whole.
     highest : float
-        Frequency of the fastest tone of a multisine, as a share of the resonance.
+        Highest frequency of a multisine, over the resonance.
     largest : float
         Largest deflection in rad, root mean square.
     held : bool
-        Whether the controller runs at the log's rate; otherwise at 500 per second or more.
+        Whether the controller runs at the log's rate; otherwise at 500 1/s or more.
     volts : float
-        Peak of the voltage that is logged; zero where a torque is logged.
+        Peak of the logged voltage; zero if a torque is logged.
     has_gauge : bool
-        Whether the deflection is logged in place of the link.
+        Whether the deflection is logged instead of the link.
     gauge_scale, gauge_drift : float
-        What the gauge shows for one rad; its drift as a share of the deflection's range.
+        Reading of the gauge for one rad; its drift over the deflection's range.
     eccentricity : float
-        Error of the link's encoder, once per turn, as a share of the deflection's root mean square.
+        Error of the link's encoder, once per turn, over the deflection's root mean square.
     dropped, jitter : float
-        Share of samples that are lost; early or late sampling as a share of the sample time.
+        Share of lost samples; jitter of the sampling over the sample time.
     sins : dict
-        What was drawn, by name.
+        Imperfections by name.
     """
 
     plant: Plant
@@ -101,7 +100,7 @@ class Draft:
 
     @property
     def is_controlled(self) -> bool:
-        """Whether a controller follows a reference; otherwise it holds the middle, gently."""
+        """Whether a controller follows a reference; otherwise it only centres the motion weakly."""
         return self.motion in ("tracking", "moves")
 
     def change(self, **fields: float) -> None:
@@ -120,7 +119,7 @@ class Size:
     spring : float
         Root mean square of the spring's torque.
     link, motor, gauge : float
-        Largest angle of link and motor, and reading of the gauge, to either side in rad.
+        Largest angle of link and motor, and largest reading of the gauge, in rad.
     half_range : float
         Half the range of the motor in rad.
     """
@@ -135,7 +134,7 @@ class Size:
 
 
 def realised(draft: Draft, size: Size) -> Plant:
-    """The plant for a size of its motion."""
+    """Return the plant for a size of the motion."""
     shares = draft.shares
     fields = {
         name: shares[name] * size.torque
@@ -155,7 +154,7 @@ def realised(draft: Draft, size: Size) -> Plant:
 
 
 def sensor_steps(draft: Draft, size: Size) -> tuple[float, float]:
-    """Steps of the link's (or the gauge's) and the motor's sensor in rad."""
+    """Return the steps of the link's (or the gauge's) and the motor's sensor in rad."""
     return (
         draft.link.step(size.gauge if draft.has_gauge else size.link),
         draft.motor.step(size.motor),
@@ -163,14 +162,14 @@ def sensor_steps(draft: Draft, size: Size) -> tuple[float, float]:
 
 
 def truth_of(draft: Draft, plant: Plant, gain: float) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Low-frequency parameters of what is logged, and which of them are core.
+    """Return the low-frequency parameters of the logged channels, and the names of core ones.
 
     Parameters
     ----------
     draft : Draft
     plant : Plant
     gain : float
-        Torque in N m for one unit of the input that is logged.
+        Torque in N m per unit of the logged input.
     """
     times = np.linspace(0.0, draft.duration, 1001)
     warm = float(np.mean([warmth_at.py_func(plant, time) for time in times]))
@@ -194,7 +193,7 @@ def truth_of(draft: Draft, plant: Plant, gain: float) -> tuple[dict[str, float],
 def _ratios(
     draft: Draft, plant: Plant, warm: float, gain: float
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """What a log without a torque shows; a gauge that reads too much makes its spring softer."""
+    """Return the ratios that a log without torque determines; a gauge's scale divides stiffness."""
     link, motor = plant.near_inertia + plant.tip_inertia, plant.motor_inertia
     stiffness = plant.joint_stiffness / draft.gauge_scale
     viscous = warm * plant.motor_viscous + plant.back_emf

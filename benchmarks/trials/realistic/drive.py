@@ -1,4 +1,4 @@
-"""The plant of the realistic trials and its integrator. Nothing here imports flexid.
+"""Plant of the realistic trials and its integrator. Nothing here imports flexid.
 
     Jn q'' = -Gn sin q - c(q) - k (q - p) - d (q' - p') - bl q' + kt (r - q) + dt (r' - q') + nl
     Jt r'' = -Gt sin r - kt (r - q) - dt (r' - q')
@@ -6,9 +6,9 @@
     T  x'  = a(u) - e p' - x
     Tg g'  = (q - p) - g
 
-q and p are link and motor angle, r the tip of the link, x the torque that acts, u the input, g the
-gauge. Fourth-order Runge-Kutta steps. The friction is smooth; the steps are short where it changes
-its sign. The input is held over a period of the controller. Disturbances nl and nm are straight
+q and p are link and motor angle, r the tip of the link, x the acting torque, u the input, g the
+gauge. Fourth-order Runge-Kutta steps. The friction is smooth, with short steps where it changes
+sign. The input is constant over a period of the controller. Disturbances nl and nm are linear
 between its instants.
 """
 
@@ -19,41 +19,41 @@ from numba import njit  # pyright: ignore[reportMissingTypeStubs]
 
 from benchmarks.trials.integrator import controlled
 
-_NEAR = 6.0  # widths of the friction's change of sign: slower than that, steps are short
-_CROSSING = 2000.0  # 1/s: times the time in which the sign changes, a share of the longest step
-_SHORTEST = 1.0 / 64.0  # of the longest step
-_LAST = 1e-9  # of a period: what is left out at its end
+_NEAR = 6.0  # speed below which steps are short, over the width of the friction's change of sign
+_CROSSING = 2000.0  # 1/s, ratio of the step, over the longest one, to the time of the sign's change
+_SHORTEST = 1.0 / 64.0  # shortest step over the longest one
+_LAST = 1e-9  # of a period, neglected at its end
 
 
 class Plant(NamedTuple):
-    """A drive with its sins, in SI units at the link's side; the input is in N m."""
+    """A drive with imperfections, in SI units on the link's side; the input is in N m."""
 
     near_inertia: float  # of the link, at the joint
     motor_inertia: float
     joint_stiffness: float
     joint_damping: float = 0.0
-    tip_inertia: float = 0.0  # of the link, beyond its own spring; zero for a rigid link
+    tip_inertia: float = 0.0  # of the link beyond its own spring; zero for a rigid link
     tip_stiffness: float = 0.0
     tip_damping: float = 0.0
-    gravity_torque: float = 0.0  # of near part and tip, in the ratio of their inertias
+    gravity_torque: float = 0.0  # shared between near part and tip like the inertia
     link_viscous: float = 0.0
     motor_viscous: float = 0.0
     coulomb: float = 0.0
-    static_extra: float = 0.0  # dry friction at rest beyond Coulomb's
+    static_extra: float = 0.0  # excess of dry friction at rest over Coulomb friction
     stribeck_velocity: float = 1.0  # rad/s
     friction_width: float = 1e-3  # rad/s, of the smooth change of sign
-    drift: float = 0.0  # share of the friction that is lost as the drive warms up
+    drift: float = 0.0  # share of the friction lost by warming up
     drift_time: float = 10.0  # s
     cable_stiffness: float = 0.0
     cable_cubic: float = 0.0
-    cable_angle: float = 0.0  # rad, where the cable does not pull
+    cable_angle: float = 0.0  # rad, at which the cable exerts no torque
     ripple: float = 0.0  # N m
     ripple_second: float = 0.0  # N m, at twice the number
     ripple_number: float = 0.0  # per turn of the joint
     ripple_phase: float = 0.0
     back_emf: float = 0.0  # N m s/rad
     dead_zone: float = 0.0  # N m of input
-    saturation: float = np.inf  # N m of input, behind the dead zone
+    saturation: float = np.inf  # N m of input, after the dead zone
     lag: float = 0.0  # s, of the current
     gauge_lag: float = 1e-3  # s
     cubic_stiffness: float = 0.0  # N m/rad^3
@@ -61,19 +61,19 @@ class Plant(NamedTuple):
 
 
 COLUMNS = ("link", "link_rate", "motor", "motor_rate", "gauge", "input")
-"""What `simulate` returns, column by column."""
+"""Columns of the result of `simulate`."""
 
 
 @njit(cache=True)
 def amplified(plant, command):
-    """The input behind dead zone and saturation."""
+    """Return the input after dead zone and saturation."""
     beyond = max(abs(command) - plant.dead_zone, 0.0)
     return min(beyond, plant.saturation) * np.sign(command)
 
 
 @njit(cache=True)
 def friction(plant, velocity, warmth):
-    """Friction of the motor; `warmth` scales it."""
+    """Return the friction of the motor, scaled by `warmth`."""
     dry = plant.coulomb
     if plant.static_extra > 0.0:
         dry += plant.static_extra * np.exp(-((velocity / plant.stribeck_velocity) ** 2))
@@ -84,13 +84,13 @@ def friction(plant, velocity, warmth):
 
 @njit(cache=True)
 def warmth_at(plant, time):
-    """Share of the first friction that is left, as the drive warms up."""
+    """Return the remaining share of the initial friction as the drive warms up."""
     return 1.0 - plant.drift * (1.0 - np.exp(-max(time, 0.0) / plant.drift_time))
 
 
 @njit(cache=True)
 def _slope(plant, state, wanted, link_push, motor_push, warmth, out):
-    """Derivative of q, q', r, r', p, p', x, g."""
+    """Return the derivatives of q, q', r, r', p, p', x, g."""
     q, w, r, s, p, v, x, g = state
     twist = q - p - min(max(q - p, -plant.half_gap), plant.half_gap)
     joint = plant.joint_stiffness * twist + plant.joint_damping * (w - v)
@@ -124,7 +124,7 @@ def _slope(plant, state, wanted, link_push, motor_push, warmth, out):
 
 @njit(cache=True)
 def _length(plant, speed, acceleration, longest):
-    """Length of a step: short while the friction changes its sign."""
+    """Return the length of a step, which is short while the friction changes its sign."""
     near = _NEAR * plant.friction_width + 2.0 * longest * acceleration
     if plant.coulomb == 0.0 or speed > near or acceleration == 0.0:
         return longest
@@ -134,7 +134,7 @@ def _length(plant, speed, acceleration, longest):
 
 @njit(cache=True)
 def _advance(plant, state, wanted, pushes, time, period, longest, work):
-    """Over one period of the controller; `pushes` are disturbances at both of its ends."""
+    """Integrate over one period of the controller; `pushes` are disturbances at both ends."""
     shares = (0.0, 0.5, 0.5, 1.0)
     weights = (1.0, 2.0, 2.0, 1.0)
     slopes, tried, total = work[0], work[1], work[2]
@@ -167,7 +167,7 @@ def _advance(plant, state, wanted, pushes, time, period, longest, work):
 
 @njit(cache=True)
 def simulate(plant, times, excitation, law, course, pushes, start, longest):
-    """Run a drive.
+    """Simulate a drive.
 
     Parameters
     ----------
@@ -178,11 +178,11 @@ def simulate(plant, times, excitation, law, course, pushes, start, longest):
         Input that is added to the controller's, in N m.
     law : Law
     course : (n, 3) array
-        Motor position and velocity wanted by the controller, and error of what it reads.
+        Reference position and velocity of the motor, and error of the controller's sensor.
     pushes : (n, 2) array
         Disturbing torques on link and motor in N m.
     start : float
-        Angle of link and motor at the beginning, where both rest.
+        Initial angle of link and motor, which start at rest.
     longest : float
         Longest step in s.
 

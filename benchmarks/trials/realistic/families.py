@@ -1,4 +1,4 @@
-"""Families of realistic drives, and the sins that each of them draws at random."""
+"""Families of realistic drives, with random imperfections."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ Generator = np.random.Generator
 
 @dataclass(frozen=True)
 class RealisticFamily:
-    """A kind of rig: its name, what it has in one line, and what draws it."""
+    """A kind of rig: name, description of one line, and the function that draws it."""
 
     name: str
     about: str
@@ -32,7 +32,7 @@ def _some(rng: Generator, share: float) -> bool:
 def _basic(
     rng: Generator, resonances: tuple[float, float], paces: tuple[int, ...], gravity: float
 ) -> Draft:
-    """Inertias, spring, gravity at times, viscous friction, and a pace that shows the resonance."""
+    """Draw inertias, spring, perhaps gravity, viscous friction, and a suitable sampling rate."""
     link = _log(rng, 0.02, 2.0)
     motor = link * _log(rng, 0.3, 5.0)
     fastest = min(resonances[1], 2.0 * np.pi * max(paces) / 8.0)
@@ -95,10 +95,10 @@ def _pushes(rng: Generator, draft: Draft, low: float, high: float) -> None:
 
 
 def _second_mode(rng: Generator, draft: Draft) -> None:
-    """Part of the link beyond a spring of its own; the whole inertia stays."""
+    """Put part of the link's inertia beyond a second spring."""
     plant, share, ratio = draft.plant, rng.uniform(0.03, 0.15), rng.uniform(2.0, 6.0)
     tip = share * plant.near_inertia
-    own = ratio * draft.resonance  # of the tip on a link that is held
+    own = ratio * draft.resonance  # resonance of the tip with the link held
     draft.change(
         near_inertia=plant.near_inertia - tip,
         tip_inertia=tip,
@@ -120,7 +120,7 @@ def _lag(rng: Generator, draft: Draft, low: float, high: float) -> None:
 
 
 def _voltage(rng: Generator, draft: Draft) -> None:
-    """Back-EMF and a coil, whose lag times the back-EMF's rate is at most 1 %; the amplifier."""
+    """Add the amplifier, back-EMF and a coil, whose lag times the back-EMF's rate is below 1 %."""
     rate = _log(rng, 3.0, 40.0)
     lag = min(_log(rng, 2e-4, 2e-3), 0.01 / rate)
     draft.change(back_emf=rate * draft.plant.motor_inertia, lag=lag)
@@ -214,7 +214,7 @@ _TORQUES = (
     "motor_viscous",
     "gravity_torque",
 )
-"""Fields of the plant that grow with the size of a drive."""
+"""Fields of the plant that are proportional to the size of a drive."""
 
 
 def _harmonic_rig(rng: Generator) -> Draft:
@@ -290,4 +290,4 @@ _ALL = (
 )
 
 REALISTIC: Mapping[str, RealisticFamily] = {family.name: family for family in _ALL}
-"""By name."""
+"""Families by name."""

@@ -1,6 +1,6 @@
-"""One realistic trial: a log with several sins at once, and the truth behind it.
+"""One realistic trial: a log with several imperfections at once, and its truth.
 
-The truth is the low-frequency physics of the channels as they are logged. Nothing here imports
+The truth is the set of low-frequency parameters of the channels as logged. Nothing here imports
 flexid.
 """
 
@@ -23,7 +23,7 @@ _TRIES, _MOTIONS, _TURNS = 300, 3, 7
 _FARTHEST = 2.0  # rad from hanging straight down
 _FASTEST = 60.0  # rad/s
 _SMALLEST_DEFLECTION = 3e-4  # rad, root mean square
-_FEWEST_STEPS = 25.0  # of the coarser sensor, in the deflection's range
+_FEWEST_STEPS = 25.0  # least range of the deflection, in steps of the coarser sensor
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,16 +33,16 @@ class RealisticTrial:
     Parameters
     ----------
     family, seed
-        What it was drawn from.
+        Family and seed of the draw.
     columns : mapping of str to (n,) ndarray
-        As recorded, by the headers of the file.
+        Recorded columns, by the headers of the file.
     truth : mapping of str to float
         Low-frequency parameters by flexid's names. A parameter that does not act is zero. One that
-        the sins leave undefined is missing.
+        the imperfections make undefined is missing.
     core : tuple of str
-        Inertias and stiffness, or their ratios where a voltage is logged.
+        Inertias and stiffness, or their ratios if a voltage is logged.
     sins : mapping of str to float
-        What was drawn.
+        Imperfections by name.
     about : mapping of str to float or str
         Resonance in rad/s, samples per second, motion, and sizes.
     """
@@ -56,7 +56,7 @@ class RealisticTrial:
     about: Mapping[str, float | str]
 
     def write_csv(self, path: Path) -> None:
-        """Write the log alone."""
+        """Write only the log, without its truth."""
         np.savetxt(
             path,
             np.column_stack(list(self.columns.values())),
@@ -68,7 +68,7 @@ class RealisticTrial:
 
 
 class Recorded(NamedTuple):
-    """A log, with what it was made of."""
+    """A log with its draft, plant, motion and run."""
 
     trial: RealisticTrial
     draft: Draft
@@ -79,17 +79,17 @@ class Recorded(NamedTuple):
 
 
 def make_realistic(family: str, seed: int) -> RealisticTrial:
-    """Draw a log; the same for the same family and seed."""
+    """Draw a log, which depends only on family and seed."""
     return record(family, seed).trial
 
 
 def record(family: str, seed: int) -> Recorded:
-    """Draw a log, and keep what it was made of.
+    """Draw a log and return it with its draft, plant, motion and run.
 
     Raises
     ------
     RuntimeError
-        If no drive and motion go together; none of the seeds tried does that.
+        If no suitable drive and motion are found; this did not happen with any seed tried.
     """
     rng = np.random.default_rng((seed, zlib.crc32(family.encode()), 2))
     for _ in range(_TRIES):
@@ -105,9 +105,9 @@ def record(family: str, seed: int) -> Recorded:
 
 
 def _sized(draft: Draft, play: Play) -> tuple[Plant, Scale, FloatArray] | None:
-    """A run in which the motor moves as far as it should; None if there is none.
+    """Find a run with the desired range of the motor; return None if there is none.
 
-    Friction, disturbances and the range of the converters depend on the size of the run before.
+    Friction, disturbances and the converters' ranges depend on the size of the previous run.
     """
     target = draft.target
     scale = Scale(play.first_guess * target, Size(0.0, 0.0, 0.0, target, target, target, target))
@@ -145,7 +145,7 @@ def _size_of(draft: Draft, plant: Plant, run: FloatArray) -> Size:
 
 
 def _accepted(draft: Draft, play: Play, scale: Scale, run: FloatArray) -> bool:
-    """Whether a run looks like one that someone would record."""
+    """Whether a run is realistic enough to be recorded."""
     kept = run[play.first :]
     deflection = kept[:, 0] - kept[:, 2]
     farthest = float(np.abs(kept[:, 0]).max())
@@ -173,7 +173,7 @@ def _trial(
     scale: Scale,
     run: FloatArray,
 ) -> RealisticTrial:
-    """The log of a run."""
+    """Return the log of a run, with its truth."""
     kept = run[play.first :]
     gain = float(np.abs(kept[:, 5]).max()) / draft.volts if draft.volts else 1.0
     steps = sensor_steps(draft, scale.size)

@@ -1,4 +1,4 @@
-"""Scores of realistic trials as a table."""
+"""Table of the scores of realistic trials."""
 
 from collections.abc import Callable, Mapping, Sequence
 from textwrap import wrap
@@ -36,13 +36,13 @@ Records = Sequence[Mapping[str, Any]]
 
 
 def table(records: Records) -> tuple[list[str], list[list[str]]]:
-    """Headings and lines, one for each family."""
+    """Return the headings and a line for each family."""
     lines = [[one.family, *(cell(one) for _, cell in _COLUMNS)] for one in scores(records)]
     return [TITLE.lower(), *(name for name, _ in _COLUMNS)], lines
 
 
 def render(records: Records) -> list[str]:
-    """The section of the page."""
+    """Return the section of the page."""
     parts = [f"### {TITLE}", "", *wrap(_ABOUT, 98), "", *markdown(*table(records)), ""]
     parts += ["### Each realistic core parameter outside its interval", ""]
     lines = _outside(records)
@@ -51,7 +51,7 @@ def render(records: Records) -> list[str]:
 
 
 def families() -> str:
-    """The families as Markdown."""
+    """Return the list of families as Markdown."""
     return "\n".join(
         markdown(["family", "what it has"], [[one.name, one.about] for one in REALISTIC.values()])
     )

@@ -1,4 +1,4 @@
-"""What is played to a realistic drive: motion, controller, dither and disturbances."""
+"""Excitation of a realistic drive: motion, controller, dither and disturbances."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,32 +12,32 @@ from benchmarks.trials.realistic.drafts import Draft, Size, sensor_steps
 from benchmarks.trials.realistic.drive import Plant, simulate
 
 STEP = 1e-4  # s, longest step of the integrator
-_SLOWEST_CONTROL = 500.0  # per second, where the controller is faster than the log
-_LEAD = 0.5  # s, played before the log begins
-_CENTRING = 0.04  # bandwidth of a controller that holds the middle, as a share of the resonance
+_SLOWEST_CONTROL = 500.0  # 1/s, of a controller faster than the log
+_LEAD = 0.5  # s, from the start of the motion to the start of the log
+_CENTRING = 0.04  # bandwidth of a centring controller, over the resonance
 
 
 @dataclass(frozen=True, eq=False)
 class Play:
-    """A motion of unit size with everything random that goes with it; n instants.
+    """A motion of unit size with all random signals, at n instants.
 
     Parameters
     ----------
     times : (n,) ndarray
         Instants of the controller in s; the log begins at zero.
     every : int
-        Periods of the controller for each sample of the log.
+        Number of the controller's periods per sample of the log.
     unit, rate : (n,) ndarray
-        The motion and its derivative: a torque, or a reference of a controller.
+        Motion and its derivative: a torque, or the reference of a controller.
     first_guess : float
-        Torque over inertia and angle, or 1, by which the unit is scaled at first.
+        First scale of the unit: torque over inertia and angle, or 1.
     dither : (n,) ndarray
-        A torque of unit root mean square that is added to the controller's.
+        Torque of unit root mean square, added to the controller's.
     law : Law
     pushes : (n, 2) ndarray
         Disturbing torques on link and motor, of unit root mean square.
     noise : (n, 2) ndarray
-        Of the sensors of link and motor, in steps.
+        Noise of the link's and motor's sensor, in steps.
     """
 
     times: FloatArray
@@ -62,14 +62,14 @@ class Play:
 
 
 class Scale(NamedTuple):
-    """What scales a play: its amplitude, and the size of the motion that it makes."""
+    """Amplitude of a play, and size of its motion."""
 
     amplitude: float
     size: Size
 
 
 def draw_play(rng: np.random.Generator, draft: Draft) -> Play:
-    """Draw a play for a draft."""
+    """Draw the excitation for a draft."""
     every = 1 if draft.held else int(np.ceil(_SLOWEST_CONTROL / draft.pace))
     period = 1.0 / (every * draft.pace)
     before = every * int(np.ceil(_LEAD * draft.pace))
@@ -93,7 +93,7 @@ def draw_play(rng: np.random.Generator, draft: Draft) -> Play:
 def run_play(
     draft: Draft, plant: Plant, play: Play, scale: Scale, longest: float = STEP
 ) -> FloatArray:
-    """Run a drive; as `simulate`."""
+    """Simulate a drive with a play; return the result of `simulate`."""
     amplitude, size = scale
     count = sensor_steps(draft, size)[1]
     course = np.zeros((len(play.times), 3))
@@ -110,7 +110,7 @@ def run_play(
 
 
 def _guess(motion: Motion, draft: Draft) -> float:
-    """Torque that moves both inertias, without a spring, by about a rad."""
+    """Return the torque that moves both inertias as one body by about a rad."""
     plant = draft.plant
     inertia = plant.near_inertia + plant.tip_inertia + plant.motor_inertia
     if isinstance(motion, Sines):
@@ -144,7 +144,7 @@ def _draw_motion(rng: np.random.Generator, draft: Draft) -> Motion:
 
 
 def _multisine(rng: np.random.Generator, low: float, high: float, count: int) -> Sines:
-    """Even tones of unit root mean square, frequencies in a geometric row, random phases."""
+    """Return equal tones of total RMS 1, with geometric frequencies and random phases."""
     return Sines(
         np.full(count, np.sqrt(2.0 / count)),
         np.geomspace(low, high, count),
@@ -155,13 +155,13 @@ def _multisine(rng: np.random.Generator, low: float, high: float, count: int) ->
 
 
 def _draw_law(rng: np.random.Generator, draft: Draft, period: float) -> Law:
-    """A controller that follows, or one that holds the middle far below the resonance."""
+    """Draw a tracking controller, or a slow centring one."""
     plant = draft.plant
     inertia = plant.near_inertia + plant.tip_inertia + plant.motor_inertia
     share = rng.uniform(0.25, 0.6) if draft.is_controlled else _CENTRING
     bandwidth = share * min(draft.resonance, 40.0)
     damping = 2.0 * rng.uniform(0.5, 1.0) * inertia * bandwidth
-    corner = bandwidth * rng.uniform(6.0, 12.0)  # of the filtered velocity
+    corner = bandwidth * rng.uniform(6.0, 12.0)  # of the velocity filter
     return Law(
         proportional=inertia * bandwidth**2,
         derivative=max(damping - plant.motor_viscous - plant.back_emf, 0.0),
@@ -170,7 +170,7 @@ def _draw_law(rng: np.random.Generator, draft: Draft, period: float) -> Law:
 
 
 def coloured(rng: np.random.Generator, times: FloatArray, correlation: float) -> FloatArray:
-    """An Ornstein-Uhlenbeck process of unit variance at evenly spaced times."""
+    """Draw an Ornstein-Uhlenbeck process of unit variance at evenly spaced times."""
     keep = np.exp(-(times[1] - times[0]) / correlation)
     found = rng.standard_normal(len(times))
     found[1:] *= np.sqrt(1.0 - keep**2)

@@ -1,4 +1,4 @@
-"""One realistic log, identified blindly: what came out, beside the truth."""
+"""Record of one realistic log: the identified values and the truth."""
 
 import tempfile
 import warnings
@@ -10,12 +10,12 @@ from flexid.identification.preparation.settings import Settings
 
 
 def recorded(family: str, seed: int) -> Record:
-    """Draw a log, identify it as a user would, and write down what was claimed.
+    """Draw a log, identify it as a user would, and return a record.
 
     Returns
     -------
     dict
-        Ready for JSON; as `benchmarks.trials.record.identified`, with what the generator knows.
+        Ready for JSON: the result of `benchmarks.trials.record.identified`, and of `known`.
     """
     trial = make_realistic(family, seed)
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(action="ignore"):
@@ -25,7 +25,7 @@ def recorded(family: str, seed: int) -> Record:
 
 
 def known(trial: RealisticTrial) -> Record:
-    """What the generator knows of a log, ready for JSON."""
+    """Return the generator's information about a log, ready for JSON."""
     return {
         "family": trial.family,
         "seed": trial.seed,

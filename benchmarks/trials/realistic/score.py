@@ -1,4 +1,4 @@
-"""Scores of realistic trials from the records of their logs; needs no flexid."""
+"""Scores of realistic trials from the records of their logs, without flexid."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from typing import Any
 from benchmarks.trials.score import Claim, Share, Spread, spread
 
 FAR_OFF = 0.05
-"""How far off, relative to the truth, a core value is called wrong."""
+"""Least error of a wrong core value, relative to the truth."""
 
 _TWO_SIDED = NormalDist().inv_cdf(0.975)  # standard errors to either side of a 95 % interval
 _MEDIAN = NormalDist().inv_cdf(0.75)  # median distance from the mean, in standard deviations
@@ -18,26 +18,26 @@ Record = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class RealisticScore:
-    """How the realistic logs of a family came out.
+    """Score of a family's realistic logs.
 
     Parameters
     ----------
     family : str
     logs, failed, refused : int
-        Logs; those without a result; and of these, those with an error made for the user.
+        Numbers of logs, of those without a result, and of these with an error message for users.
     determined : Share
-        Determined intervals that hold the truth, of parameters whose truth is defined.
+        Determined intervals that contain the truth, of parameters with a defined truth.
     core : Share
-        The same of the core parameters.
+        The same for core parameters.
     core_determined : Share
-        Core parameters that were called determined, of all there are.
+        Core parameters reported as determined, of all.
     half_width : float
         Median half-width of a determined core interval, relative to the truth.
     error_ratio : float
-        Spread of the errors of determined core parameters over their standard errors: 1 if
-        intervals are as wide as they should be, more if they are too narrow.
+        Spread of the errors of determined core parameters over their standard errors: 1 if the
+        intervals have the correct width, more if they are too narrow.
     wrong : Share
-        Logs with a determined core parameter outside its interval and off by more than `FAR_OFF`.
+        Logs with a determined core parameter outside its interval and with an error over `FAR_OFF`.
     seconds : Spread
     """
 
@@ -55,7 +55,7 @@ class RealisticScore:
 
 
 def claims(record: Record) -> Iterator[Claim]:
-    """Estimates of one log whose truth is defined."""
+    """Yield the estimates of one log that have a defined truth."""
     truth = record["truth"]
     for name, (value, low, high, status) in record.get("estimates", {}).items():
         if name in truth:
@@ -63,12 +63,12 @@ def claims(record: Record) -> Iterator[Claim]:
 
 
 def score(family: str, records: Sequence[Record]) -> RealisticScore:
-    """Score logs.
+    """Return the score of some logs.
 
     Parameters
     ----------
     family : str
-        What to call them.
+        Name of the family.
     records : sequence of Record
     """
     found = [record for record in records if "error" not in record]
@@ -95,7 +95,7 @@ def score(family: str, records: Sequence[Record]) -> RealisticScore:
 
 
 def scores(records: Sequence[Record]) -> list[RealisticScore]:
-    """One score per family, and one of all."""
+    """Return a score per family, and one of all."""
     families = dict.fromkeys(record["family"] for record in records)
     found = [score(name, [r for r in records if r["family"] == name]) for name in families]
     return [*found, score("all", records)] if len(found) > 1 else found

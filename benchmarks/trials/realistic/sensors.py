@@ -1,4 +1,4 @@
-"""What a realistic log holds of a run: encoders, converters, a strain gauge, lost samples."""
+"""Log of a realistic run: encoders, converters, a strain gauge and lost samples."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ def logged(
     steps: tuple[float, float],
     gain: float,
 ) -> dict[str, FloatArray]:
-    """Columns of the log by their headers.
+    """Return the columns of the log by their headers.
 
     Parameters
     ----------
@@ -26,11 +26,11 @@ def logged(
     draft : Draft
     play : Play
     run : (n, 6) ndarray
-        As `simulate` returns it.
+        Result of `simulate`.
     steps : tuple of float
         Steps of the link's (or the gauge's) and the motor's sensor in rad.
     gain : float
-        Torque in N m for one unit of the input that is logged.
+        Torque in N m per unit of the logged input.
     """
     picks = np.arange(play.first, len(play.times), play.every)
     late = draft.jitter * rng.uniform(-1.0, 1.0, len(picks)) / draft.pace
@@ -59,7 +59,7 @@ def logged(
 def angle_between(
     play: Play, run: FloatArray, column: int, picks: IntArray, late: FloatArray
 ) -> FloatArray:
-    """An angle a little before or after instants of the controller, by cubic Hermite."""
+    """Return an angle slightly before or after the controller's instants, by cubic Hermite."""
     place = picks + late / play.period
     low = np.clip(np.floor(place).astype(int), 0, len(play.times) - 2)
     x = place - low
@@ -73,14 +73,14 @@ def angle_between(
 
 
 def _wander(rng: np.random.Generator, times: FloatArray) -> FloatArray:
-    """Drift of a gauge: a ramp, and a slow random part."""
+    """Return the drift of a gauge: a ramp and a slow random part."""
     return rng.uniform(-1.0, 1.0) * times / times[-1] + 0.5 * coloured(rng, times, _WANDER_TIME)
 
 
 def _with_losses(
     rng: np.random.Generator, draft: Draft, columns: dict[str, FloatArray]
 ) -> dict[str, FloatArray]:
-    """Samples are lost one by one; the time is the number of the row."""
+    """Remove single samples; the time is the number of the row."""
     count = len(columns["time [s]"])
     lost = rng.choice(np.arange(5, count), max(int(draft.dropped * count), 1), replace=False)
     kept = {name: np.delete(values, lost) for name, values in columns.items()}
@@ -89,5 +89,5 @@ def _with_losses(
 
 
 def rounded(values: FloatArray, step: float) -> FloatArray:
-    """Values on a grid."""
+    """Return values rounded to a grid."""
     return np.rint(values / step) * step
