@@ -206,7 +206,7 @@ def signal_parts(symbolic: SymbolicSystem) -> list[RegressorParts]:
 def _sampled_parts(symbolic: SymbolicSystem, parts: list[RegressorParts], decorator: str) -> str:
     return function(
         "sampled_parts(_x, _u, _c, _g)",
-        "Signals at one sample, without the terms linear in velocities; _c holds the constants.",
+        "Signals at one sample, without the terms linear in velocities; _c: constants.",
         unpack_variables(symbolic),
         assignments(
             [f"_g[{i}]" for i in range(len(parts))],

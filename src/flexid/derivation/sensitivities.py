@@ -92,7 +92,7 @@ def _variables(symbolic: SymbolicSystem) -> tuple[str, ...]:
 
 def _rates(symbolic: SymbolicSystem) -> str:
     targets = [f"_dx[{place}]" for place in range(len(symbolic.states))]
-    costly, rates = _where_needed(symbolic, symbolic.right_hand_side, "_p[{0}] != 0.0")
+    costly, rates = _conditional_calls(symbolic, symbolic.right_hand_side, "_p[{0}] != 0.0")
     return function(
         "state_rates(_x, _u, _m, _p, _c, _dx)",
         "_dx = x' for modes _m, coefficients _p and constants _c.  # Huang (2003), eq. (1)",
@@ -110,14 +110,14 @@ def _corners(symbolic: SymbolicSystem) -> str:
     own = [call for call in found if call.args[0].free_symbols <= positions | known]
     lines = []
     for i, call in enumerate(sorted(own, key=sp.default_sort_key)):
-        users = _users(symbolic, call)
+        users = _coefficients_using(symbolic, call)
         value = print_scalar(cast(sp.Expr, call.args[0]))
         if users is not None:
             value += f" if {' or '.join(f'_p[{place}] != 0.0' for place in users)} else 1.0"
         lines.append(f"    _k[{i}] = {value}")
     text = function(
         "corners(_x, _p, _c, _k)",
-        "_k = what is zero at each corner of x' in the positions of _x.",
+        "_k = functions of positions in _x that are zero at the corners of x'.",
         unpack("_x", symbolic.states),
         unpack("_p", symbolic.coefficients),
         unpack("_c", symbolic.constants),
@@ -127,7 +127,7 @@ def _corners(symbolic: SymbolicSystem) -> str:
     return f"N_CORNERS = {len(own)}\n\n\n{text}"
 
 
-def _where_needed(
+def _conditional_calls(
     symbolic: SymbolicSystem, expressions: Sequence[sp.Expr], needed: str
 ) -> tuple[str, list[sp.Expr]]:
     """Lines that compute costly functions only if needed, and expressions with their names."""
@@ -138,7 +138,7 @@ def _where_needed(
     }
     lines = []
     for call, name in names.items():
-        users = _users(symbolic, call)
+        users = _coefficients_using(symbolic, call)
         value = print_scalar(call)
         if users is not None:
             value += f" if {' or '.join(needed.format(i) for i in users)} else 0.0"
@@ -146,7 +146,7 @@ def _where_needed(
     return "\n".join(lines), [cast(sp.Expr, e.xreplace(names)) for e in expressions]
 
 
-def _users(symbolic: SymbolicSystem, call: sp.Basic) -> list[int] | None:
+def _coefficients_using(symbolic: SymbolicSystem, call: sp.Basic) -> list[int] | None:
     """Indices of the coefficients whose terms contain a call; None if other terms contain it."""
     users = set()
     for rate, jacobian in _equations(symbolic):
@@ -165,7 +165,7 @@ def _users(symbolic: SymbolicSystem, call: sp.Basic) -> list[int] | None:
     return sorted(users)
 
 
-def _path(symbolic: SymbolicSystem, memory: SymbolicMemory) -> dict[int, float]:
+def _path_slopes(symbolic: SymbolicSystem, memory: SymbolicMemory) -> dict[int, float]:
     """Derivative of a memory's path by each position, by index of the position's state."""
     return {
         2 * j: float(cast(sp.Expr, sp.diff(memory.path, row.coordinate)))
@@ -179,7 +179,7 @@ def _path(symbolic: SymbolicSystem, memory: SymbolicMemory) -> dict[int, float]:
 def _along_path(symbolic: SymbolicSystem, m: int) -> str:
     """Lines that compute a memory's path, direction and decay, and the remainder of its start."""
     place, grip = _places_of(symbolic, m)
-    slopes = _path(symbolic, symbolic.memories[m]).items()
+    slopes = _path_slopes(symbolic, symbolic.memories[m]).items()
     return (
         f"    _path = {' + '.join(f'{a!r} * (_x[{i}] - _start[{i}])' for i, a in slopes)}\n"
         f"    _d = copysign(1.0, _path)\n"
@@ -214,13 +214,13 @@ def _memory_slopes(symbolic: SymbolicSystem) -> str:
         lines = [_along_path(symbolic, m), f"    _b[{m} * N_STATES + {place}] = _e"]
         lines += [
             f"    _b[{m} * N_STATES + {i}] = -_left * _d * _p[{grip}] * {slope!r}"
-            for i, slope in _path(symbolic, memory).items()
+            for i, slope in _path_slopes(symbolic, memory).items()
         ]
         lines.append(f"    _q[{m} * WIDTH + _at[{grip}]] = -_left * abs(_path)")
         blocks.append("\n".join(lines))
     return function(
         "memory_slopes(_x, _start, _p, _at, _b, _q)",
-        "Derivatives of the memories of _x by where the path began and ended, and by its grip.",
+        "Derivatives of the memories of _x by both ends of the path, and by the grip.",
         "\n".join(blocks) or "    pass",
         decorator="inlined",
     )
@@ -261,7 +261,7 @@ def _slopes(symbolic: SymbolicSystem) -> str:
             products = [f"_g{j}_{i} * _du[{i}]" for i in gains]
             delayed.append(f"        _r[{j} * WIDTH + _delay] = {' + '.join(products)}")
     needed = "_p[{0}] != 0.0 or _at[{0}] > 0"
-    costly, expressions = _where_needed(symbolic, expressions, needed)
+    costly, expressions = _conditional_calls(symbolic, expressions, needed)
     return function(
         "slopes(_x, _u, _du, _m, _p, _c, _at, _delay, _a, _r)",
         "Derivatives of the rates of velocities and memories: _a by the states, _r by the rest.",
@@ -277,7 +277,7 @@ def _slopes(symbolic: SymbolicSystem) -> str:
 def _vary(symbolic: SymbolicSystem) -> str:
     rows = len(symbolic.rows)
     patterns = [list(jacobian) for _, jacobian in _equations(symbolic)[:rows]]
-    paths = [sorted(_path(symbolic, memory)) for memory in symbolic.memories]
+    paths = [sorted(_path_slopes(symbolic, memory)) for memory in symbolic.memories]
     return variation(patterns, paths)
 
 

@@ -223,7 +223,7 @@ def _empty_functions() -> str:
     """Empty functions for memories and corners, which a torque balance does not have."""
     heads = ("corners(_x, _p, _c, _k)", "remember(_x, _start, _p)")
     heads += ("memory_slopes(_x, _start, _p, _at, _b, _q)",)
-    return "\n\n".join(function(h, "Nothing.", "    pass", decorator="inlined") for h in heads)
+    return "\n\n".join(function(h, "Do nothing.", "    pass", decorator="inlined") for h in heads)
 
 
 def _variables(balance: TorqueBalance) -> tuple[str, ...]:
@@ -347,7 +347,7 @@ def _columns(symbolic: SymbolicBalance) -> str:
     )
     along = function(
         "columns(_x, _u, _m, _c, _a, _f)",
-        "The same sample by sample: least squares, and excitation.",
+        "Call `columns_at` at every sample, for least squares and excitation.",
         "    for _n in range(len(_x)):\n"
         "        columns_at(_x[_n], _u[_n], _m[_n], _c, _a[_n], _f[_n])",
     )

@@ -271,13 +271,13 @@ def kept_covariance(
         try:
             clusters = Clusters(normal, scores, np.arange(count), inverse)
             influences[part], degrees = cluster_influences(clusters)
-        except np.linalg.LinAlgError:  # values far outside those of any drive
+        except np.linalg.LinAlgError:  # numbers far outside the range of any drive
             continue
         freedom[part] = np.where(free, 0.0, degrees * _freedom_ratio(weights, lengths))
     return covariance_of(influences, freedom == 0.0), freedom
 
 
 def _freedom_ratio(w: FloatArray, n: FloatArray) -> float:
-    """Degrees of freedom with fading weights w over those with equal weights."""
+    """Ratio of degrees of freedom with fading weights w to degrees with equal weights."""
     alike = np.sum(w * n) ** 2 / np.sum(w**2 * n**2)
     return float(np.sum(w**2 * n) ** 2 / np.sum(w**4 * n**2) / alike)

@@ -56,7 +56,7 @@ class Excitation:
 
 
 def excitation(row: str, coefficients: Sequence[str], regressors: ArrayLike) -> Excitation:
-    """Excitation of a row from its n regressors at m evenly spaced instants, shape (m, n)."""
+    """Measure the excitation of a row from its n regressors at m even instants, shape (m, n)."""
     r = np.asarray(regressors, dtype=float)
     return excitation_of_gram(row, coefficients, r.T @ r / len(r))
 

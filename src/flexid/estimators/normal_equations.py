@@ -124,7 +124,7 @@ def solve_arrow(
     information = common - border.reshape(every).T @ weights.reshape(every)
     information = 0.5 * (information + information.T)
     scores = (gradient[:, n_states:] - (border * states_alone).sum(axis=1)).T
-    # Scaled by the matrix before elimination: what initial states explain fully is rounding error.
+    # The scale before elimination shows which directions the initial states explain in full.
     inverse, free = scaled_inverse(information, scale)
     total = scores.sum(axis=1)
     values_step = inverse @ total

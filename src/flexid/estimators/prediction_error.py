@@ -36,7 +36,7 @@ _NO_GAIN = 0.01  # actual over predicted fall below which a step is stuck
 _STUCK_STEPS = 4  # stuck steps in a row after which the iteration ends
 _IDLE_STEPS = 2  # steps in a row with too small a gain after which the iteration ends
 _ROUNDING = 1e-11  # relative length of a step that is lost in rounding
-_FINEST = 1e-9  # smallest noise, over the largest output: that of a 30-bit encoder
+_FINEST = 1e-9  # smallest noise, over the largest output: the noise of a 30-bit encoder
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ def minimise(
     promised: float = np.inf,
     least_gain: float = 0.0,
 ) -> Minimum:
-    """Minimise the sum of squares by damped Gauss-Newton steps from a point.
+    """Minimise the sum of squares by damped Gauss-Newton steps that start at a point.
 
     Raise if the first step predicts a variance above `promised`; stop at gains below `least_gain`.
     """
@@ -90,7 +90,7 @@ def minimise(
         if taken == 0 and variance - reduced.decrement / problem.degrees_of_freedom > promised:
             raise ConvergenceError(
                 "prediction error",
-                "the first step leaves the model far from the record: shorten the segments",
+                "the first step leaves the model far from the log: shorten the segments",
             )
         last_step = np.sqrt(max(reduced.decrement, 0.0) / variance) if variance > 0.0 else 0.0
         if last_step <= tolerance or _is_rounding(reduced, point):
@@ -104,7 +104,7 @@ def minimise(
             raise ConvergenceError(
                 "prediction error",
                 f"{stuck} steps in a row gained almost nothing: start from a least-squares fit, "
-                f"shorten the segments, or drop terms that the record does not show",
+                f"shorten the segments, or drop terms that the log does not determine",
             )
         before = equations.cost
         try:
@@ -128,7 +128,7 @@ def minimise(
     raise ConvergenceError(
         "prediction error",
         f"no convergence within {iterations} steps: start from a least-squares fit, shorten "
-        f"the segments, or drop terms that the record does not show",
+        f"the segments, or drop terms that the log does not determine",
     )
 
 
@@ -157,7 +157,7 @@ def _descend(
         damping = more
     raise ConvergenceError(
         "prediction error",
-        "no step brings the model closer to the record: start from a least-squares fit, or shorten "
+        "no step brings the model closer to the log: start from a least-squares fit, or shorten "
         "the segments",
     )
 
@@ -248,7 +248,7 @@ def prediction_error(
     unknowns = unknowns_of(system, len(recordings), unknowns)
     if start.names != unknowns.names:
         raise SettingError(
-            "start", "it is a fit of another model or of other unknowns: fit these first"
+            "start", "it has another model or other unknowns: run least squares on these first"
         )
     segments = divide(recordings, segment_duration)
     problem = segmented_motion(system, segments, Timing(hold), unknowns)

@@ -132,7 +132,7 @@ def recursive_least_squares(
     hold: Hold = "linear",
     memory: float = np.inf,
 ) -> RecursiveLeastSquares:
-    """Recursive least squares on positions through the filter λ²/(s + λ)².
+    """Make an estimator: recursive least squares on positions through the filter λ²/(s + λ)².
 
     Without forgetting, the last estimate equals the one of `filtered_least_squares`. The filter's
     initial state is estimated until it has decayed.

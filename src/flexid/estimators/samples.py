@@ -100,7 +100,7 @@ FEWEST_SAMPLES = 20
 
 _START_DURATION = 0.03  # s at the start of a segment, in which a cubic follows a drive's motion
 _START_SAMPLES = 8  # but at least this many samples: a cubic has four coefficients
-_FEWEST_START_SAMPLES = 6  # lower limit where the motion vibrates
+_FEWEST_START_SAMPLES = 6  # lower limit if the motion vibrates
 _START_RATIO = 1.4  # between successive numbers of samples
 _START_EXCESS = 2.0  # largest RMS residual of a cubic over white noise: 1 in 300 by chance
 
@@ -183,7 +183,7 @@ class Segments:
         )
 
     def first_blocks(self, duration: float) -> NDArray[np.int64]:
-        """Index of every segment's first block of about `duration`, then the number of blocks."""
+        """Return the index of each segment's first block, then the number of blocks."""
         counts = np.round(self.lengths * self.sample_times / duration).astype(np.int64)
         return np.concatenate(([0], np.cumsum(np.clip(counts, 1, self.lengths))))
 
@@ -200,7 +200,7 @@ class Segments:
         return inside
 
     def by_recording(self) -> list[tuple[slice, float]]:
-        """Slice of the samples, and sample time, of every recording that has segments."""
+        """Return slice of the samples, and sample time, of every recording that has segments."""
         own = np.searchsorted(self.recording_starts, self.starts[self.firsts], side="right")
         return [
             (slice(a, b), h)
@@ -220,14 +220,14 @@ def divide(
 ) -> Segments:
     """Cut recordings into segments of about equal length."""
     if not (np.isfinite(duration) and duration > 0.0):
-        raise SettingError("segment duration", f"{duration} is no duration: give seconds above 0")
+        raise SettingError("segment duration", f"must be finite and above 0 s, got {duration}")
     margins = [round(margin / recording.sample_time) for recording in recordings]
     kept = [len(recording) - 2 * m for recording, m in zip(recordings, margins, strict=True)]
     places = [i for i, count in enumerate(kept) if count >= FEWEST_SAMPLES]
     usable = [recordings[i] for i in places]
     if not usable:
         raise SettingError(
-            "samples", f"no recording has {FEWEST_SAMPLES} samples in a row: give a longer record"
+            "samples", f"no recording has {FEWEST_SAMPLES} samples in a row: give a longer log"
         )
     starts, lengths, sample_times, start_times, outputs = [], [], [], [], []
     first = 0

@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 _SUBSTEPS_PER_RADIAN = 10.0  # the phase error of Runge-Kutta 4 is then below 1e-6 of the phase
 _MOST_SUBSTEPS = 30.0  # per sample; motion above three radians per sample decays at once
 _LARGEST = 1e100  # largest squared sensitivity; products of larger ones overflow
-# prior of an initial velocity, in the information of one sample; 20 samples have 2500 times that
+# information of an initial velocity's prior, in units of one sample's; 20 samples have 2500 units
 _VELOCITY_PRIOR = 3.0
 _WEAK = 100.0  # information over the prior's, below which an initial velocity gets the prior
 _WEAK_OBSERVED = 1e-6  # the same ratio if an observer corrects the velocity from the start
 _LINEARISED = 40  # number of states over which a linearisation is averaged
-_NOT_SOUGHT = -1
+_NOT_ESTIMATED = -1
 RESTING = 2.0  # replaces a direction of motion
 
 By = Literal["everything", "states", "nothing"]
@@ -75,7 +75,7 @@ class Equations:
 
     cost: float  # weighted sum of squares; infinite if the motion diverged
     # (n_blocks, n, n): normal matrix of each block: first its segment's initial state, then the
-    # unknowns; without those that are no variables of differentiation
+    # unknowns, if the motion is differentiated by them
     normal: FloatArray
     gradient: FloatArray  # (n_blocks, n): right-hand sides
     residuals: FloatArray  # (n_samples, n_outputs): measured minus computed outputs
@@ -89,7 +89,7 @@ class Equations:
 
 @dataclass(frozen=True, eq=False)
 class SegmentedMotion:
-    """Fit of a model's motion over segments, as a problem; made by `segmented_motion`."""
+    """Problem of fitting a model's motion to segments; made by `segmented_motion`."""
 
     segments: Segments  # measured samples
     unknowns: Unknowns  # unknown coefficients
@@ -135,7 +135,7 @@ class SegmentedMotion:
         return max(1, measured - sought)
 
     def at(self, point: Point, weights: FloatArray, refinement: int = 1) -> "SegmentedMotion":
-        """Return this problem with some weights, and with steps that suit the poles at a point."""
+        """Return the problem with new weights, and with steps that suit the poles at a point."""
         resting = point.initial_states.copy()
         resting[:, 1::2] = 0.0  # smoothed friction is steepest at rest
         coefficients = self._coefficients(point.values)
@@ -289,7 +289,7 @@ class SegmentedMotion:
         delays = self.delays(point.values)
         outputs = channels.on_time(delays)
         speeds = np.zeros((0, outputs.shape[1]))  # empty: velocities of the model
-        if self.observer is not None and np.any(late_columns != _NOT_SOUGHT):
+        if self.observer is not None and np.any(late_columns != _NOT_ESTIMATED):
             speeds = channels.rates_on_time(delays)  # an observer follows the measured motion
         observer = self._observer
         whitening = np.ascontiguousarray(observer.whitening)
@@ -308,7 +308,7 @@ class SegmentedMotion:
             observer.directions,
             observer.corrected,
         )
-        gains = tuple(map(np.ascontiguousarray, gains))  # another layout would compile anew
+        gains = tuple(map(np.ascontiguousarray, gains))  # other layouts would be compiled again
         coefficients = self._coefficients(point.values)
         dry = self._dry(coefficients, self._wanted)
         motion = channels.drives(delays[INPUT]), coefficients, self.constants, dry, gains
@@ -334,7 +334,7 @@ class SegmentedMotion:
         carried = 0 if by == "nothing" else states + len(wanted) + (INPUT in sought)
         columns = np.zeros(places.AT + self._kernel.N_COEFFICIENTS, dtype=np.int64)
         columns[places.DELAY] = carried if INPUT in sought else 0
-        late_columns = np.full(self.segments.outputs.shape[1], _NOT_SOUGHT, dtype=np.int64)
+        late_columns = np.full(self.segments.outputs.shape[1], _NOT_ESTIMATED, dtype=np.int64)
         size = carried
         for a, name in enumerate(self._channels.output_delays):
             if name in sought:
@@ -403,7 +403,7 @@ def segmented_motion(
     timing: Timing,
     unknowns: Unknowns | None = None,
 ) -> SegmentedMotion:
-    """Return the fit of a model over segments as a problem, with equal weights of all outputs."""
+    """Return the problem of fitting a model to segments, with equal weights of all outputs."""
     constants = np.array(list(system.constants.values()), dtype=np.float64)
     weights = np.ones(segments.outputs.shape[1])
     unknowns = unknowns or Unknowns(system)

@@ -192,10 +192,10 @@ def filtered_least_squares(
     usable = [place for place, recording in enumerate(recordings) if len(recording) > 4]
     used = [recordings[place] for place in usable]
     _check_velocities(recordings, usable, unknowns)
-    wanted = _wanted_signals(unknowns, usable)
+    wanted = _needed_signals(unknowns, usable)
     signals = filtered_signals(used, system, filter_rate, hold, wanted)
     lengths = [len(recording) - 2 for recording in used]
-    regressors, left_hand_sides = _sought_signals(signals, unknowns, usable, lengths)
+    regressors, left_hand_sides = _signals_of_unknowns(signals, unknowns, usable, lengths)
     most = max(len(unknowns.names_of(row)) for row in system.rows)
     times = [recording.sample_time for recording in used]
     blocks = block_lengths(lengths, times, filter_rate, most)
@@ -265,7 +265,7 @@ class _SampledModel:
         self._functions.velocity_factors(self._constants, self.factors)
 
     def parts(self, start: int, stop: int, lag: int = 0) -> FloatArray:
-        """Signals without parts linear in velocities; inputs are taken `lag` samples earlier."""
+        """Return signals without parts linear in velocities; inputs are `lag` samples earlier."""
         found = np.empty((self._functions.N_SIGNALS, stop - start))
         states = self.states[:, start:stop]
         inputs = self._inputs[:, start - lag : stop - lag]
@@ -329,12 +329,12 @@ def _check_velocities(
             if name not in absent:
                 raise SettingError(
                     "velocities",
-                    f"the regressor of {name!r} is nonlinear in a velocity but there are none: "
-                    f"derive velocities first, or drop the term",
+                    f"the regressor of {name!r} is nonlinear in a velocity, but the recording has "
+                    f"none: derive velocities first, or drop the term",
                 )
 
 
-def _wanted_signals(unknowns: Unknowns, usable: Sequence[int]) -> NDArray[np.int64]:
+def _needed_signals(unknowns: Unknowns, usable: Sequence[int]) -> NDArray[np.int64]:
     """Indices of the signals that a fit needs: regressors of terms in use, and left-hand sides."""
     system = unknowns.system
     absent = [unknowns.absent(place) for place in usable] or [frozenset()]
@@ -344,7 +344,7 @@ def _wanted_signals(unknowns: Unknowns, usable: Sequence[int]) -> NDArray[np.int
     return np.array(coefficients + rows, dtype=np.int64)
 
 
-def _sought_signals(
+def _signals_of_unknowns(
     signals: FloatArray, unknowns: Unknowns, usable: Sequence[int], lengths: Sequence[int]
 ) -> tuple[FloatArray, FloatArray]:
     """Regressors of the unknowns, and left-hand sides minus the fixed terms."""

@@ -140,7 +140,7 @@ def _lock(path: Path) -> Any:
     return FileLock(path.with_suffix(".lock"))
 
 
-class _OneCompiles:
+class _LockedCompilation:
     """Loader of a function's compiled code; one process at a time compiles and saves it."""
 
     def __init__(self, cache: Any, path: Path) -> None:
@@ -255,5 +255,5 @@ def _import(name: str, path: Path, source: str) -> ModuleType:
     for value in vars(module).values():  # functions that are compiled at their first call
         own_cache: Any = getattr(value, "_cache", None)
         if hasattr(own_cache, "save_overload"):
-            _OneCompiles(own_cache, path)
+            _LockedCompilation(own_cache, path)
     return module

@@ -73,12 +73,12 @@ def _parsed(expression: str) -> ast.Expression:
 @lru_cache(maxsize=1024)  # a process often makes the same model many times
 def check_expression(expression: str, names: frozenset[str], place: str) -> None:
     """Raise `ExpressionError` if an expression uses anything but the whitelist and the names."""
-    fold(expression, names, _NOTHING, place)
+    fold(expression, names, _CHECKS_ONLY, place)
 
 
 def evaluate(expression: str, values: Mapping[str, float], place: str) -> float:
     """Return the value of an expression."""
-    numbers = Algebra(float, {"pi": math.pi, **values}.__getitem__, _OF_NUMBERS)
+    numbers = Algebra(float, {"pi": math.pi, **values}.__getitem__, _NUMERIC_OPERATIONS)
     try:
         value = fold(expression, values, numbers, place)
     except (ArithmeticError, ValueError):
@@ -180,7 +180,7 @@ class _Folder:
         return self._operate(function, self.visit(node.args[0], depth + 1))
 
 
-_OF_NUMBERS: dict[str, Callable[..., Any]] = {
+_NUMERIC_OPERATIONS: dict[str, Callable[..., Any]] = {
     **OPERATIONS,
     "**": math.pow,  # which has no complex values
     **{name: getattr(math, name) for name in ("sin", "cos", "tan", "tanh", "exp", "sqrt")},
@@ -188,8 +188,8 @@ _OF_NUMBERS: dict[str, Callable[..., Any]] = {
     "abs": abs,
 }
 
-_NOTHING = Algebra[None](
-    lambda _: None, lambda _: None, dict.fromkeys(_OF_NUMBERS, lambda *_: None)
+_CHECKS_ONLY = Algebra[None](
+    lambda _: None, lambda _: None, dict.fromkeys(_NUMERIC_OPERATIONS, lambda *_: None)
 )
 """Algebra for checks alone: every part has the value None."""
 

@@ -215,7 +215,7 @@ SATURATION = frozenset(SHAPE_TERMS["torque_saturation"].coefficients)
 
 
 def resonance(coefficients: Mapping[str, float]) -> float:
-    """Return the angular resonance in rad/s of both sides; a missing coefficient counts as 0."""
+    """Return the joint's resonance in rad/s; a missing stiffness coefficient counts as 0."""
     return float(sum(abs(coefficients.get(name, 0.0)) for name in SPRING)) ** 0.5
 
 

@@ -29,7 +29,7 @@ class _Row(BaseModel):
 
 
 class _Model(BaseModel):
-    """The whole file."""
+    """Whole file."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 

@@ -156,7 +156,7 @@ class ParametricSystem:
 
     @cached_property
     def states(self) -> tuple[str, ...]:
-        """State names in order: coordinate and velocity of each row in turn, then memories."""
+        """State names in order: coordinate and velocity, row by row, then memories."""
         of_rows = (name for row in self.rows for name in (row.coordinate, row.velocity))
         return (*of_rows, *(memory.name for memory in self.memories))
 

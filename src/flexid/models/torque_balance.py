@@ -106,7 +106,7 @@ class TorqueBalance:
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Position and velocity of each row in turn."""
+        """Names of the position and velocity of each row, row by row."""
         return tuple(name for row in self.rows for name in (row.coordinate, row.velocity))
 
     @property
