@@ -242,9 +242,9 @@ def run() -> ExitStatus:
 def defect_message(error: Exception, arguments: Sequence[str]) -> str:
     """Return one paragraph on what happened, and how to report it."""
     again = shlex.join(["flexid", "--debug", *arguments])
-    said = (
+    message = (
         f"flexid: this is a defect of flexid {__version__}, not of your input: "
         f"{type(error).__name__} ({str(error) or 'without a message'}). Please report it where you "
         f"got flexid from, with what this prints: {again}"
     )
-    return fill(said, 80, break_long_words=False, break_on_hyphens=False)
+    return fill(message, 80, break_long_words=False, break_on_hyphens=False)

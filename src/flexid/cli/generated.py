@@ -172,8 +172,8 @@ class Command(click.Command):
         self._flags = [*flags, *(["out"] if writes else []), *([] if own else ["json"])]
         head, _, rest = (inspect.getdoc(self.function) or "").partition("\n\n")
         prose = re.split(r"\n[A-Z]\w+\n-{3,}", f"\n{rest}")[0]  # before the first section
-        said = [sentences(part) for part in prose.strip().split("\n\n")]
-        body = [head, *said, notes, f"Exit status: {status}"]
+        paragraphs = [sentences(part) for part in prose.strip().split("\n\n")]
+        body = [head, *paragraphs, notes, f"Exit status: {status}"]
         lines = ["\b", "Examples:", *(f"  flexid {example}" for example in examples)]
         written = OUT._replace(note=f"Write {writes} into this directory.")
         printing = {"out": written, **FLAGS}

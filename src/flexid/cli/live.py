@@ -106,7 +106,7 @@ def _report(watched: "Watch", *, as_json: bool) -> None:
 
 
 def studio(log: str | None = None, *, port: int = 8765, browser: bool = True) -> None:
-    """Serve a page in which logs are checked and identified.
+    """Serve a web page to check and identify logs.
 
     On the page you drop a log, assign its columns, see what it can determine, identify it, and save
     the results. The page's address contains your choices. Ctrl-C ends the studio.

@@ -141,7 +141,7 @@ def export(
     Parameters
     ----------
     what : JointEstimate, ParametricSystem or path
-        An estimate.json or the folder that holds it, a TOML model file, or flexible-joint. Or a
+        An estimate.json or its folder, a TOML model file, or flexible-joint. Or a
         result of `flexid.identify`, or a `ParametricSystem`.
     to : {"c99", "mjcf", "fmu"}
         The online estimator in C99, a scene of MuJoCo, or the plant as FMUs of FMI 2.0 and 3.0.

@@ -44,7 +44,7 @@ def _predictions(result: Design) -> Table:
         extreme = result.largest_deviations[name]
         table.add(name, _percent(deviation), f"{100 * extreme.value:.3g} % ({extreme.case})")
     table.add("worst", _percent(found.worst))
-    table.add("worst direction", _percent(found.e_deviation))
+    table.add("worst combination", _percent(found.e_deviation))
     table.add("torque, rms", number(found.torque_rms, 3, _units(result)["torque"]))
     return table
 

@@ -40,7 +40,7 @@ def _table(coefficients: Mapping[str, CoefficientAssessment]) -> Table:
         Column("correlates with"),
         Column("verdict"),
     )
-    title = "Half-widths (±) of 95 % intervals, and the factor by which other unknowns widen them"
+    title = "Half-widths (±) of 95 % intervals; factors by which other unknowns widen them"
     table = Table(title, columns)
     for name, c in coefficients.items():
         table.add(

@@ -110,7 +110,7 @@ def _horizons(validation: Validation) -> Iterator[str]:
         if any(map(isnan, fits)):
             continue
         shown = ", ".join(f"{fit:.1f}" for fit in fits)
-        yield f"Prediction fit over {spans} s: {channel} {shown} %"
+        yield f"Prediction over {spans} s: {channel} {shown} %"
 
 
 def removed_lines(result: Identification) -> Iterator[str]:
@@ -209,7 +209,7 @@ def _segments(choices: Choices) -> Table:
 
 
 def _delays(result: Identification) -> Table:
-    columns = (Column("channel"), *numbers("delay", "95 % interval"), Column(""))
+    columns = (Column("channel"), *numbers("delay", "95 % interval"), Column("status"))
     table = Table("Delays relative to the motor's encoder", columns)
     alignment = result.choices.alignment
     channels = {"input": alignment.input_delay, "link": alignment.link_delay}
