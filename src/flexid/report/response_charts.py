@@ -68,7 +68,7 @@ def _panels(
         residuals.append(Line("residual", run.time, seen - predicted, "red", 0.7))
     levels = [] if noise is None else [-2.0 * noise, 2.0 * noise]
     quantity = [word for word in label.split() if not word.isdigit()][-1]  # of any joint
-    twice = [Level("twice the encoders' noise", edge, "y", "ink", "dashed") for edge in levels]
+    twice = [Level("twice the encoder noise", edge, "y", "ink", "dashed") for edge in levels]
     return (
         Panel(title, time, Axis(quantity, unit, limits=frame), tuple(motion)),
         Panel(
