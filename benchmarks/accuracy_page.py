@@ -69,7 +69,7 @@ def render(results: Mapping[str, Any]) -> str:
         "### Intervals",
         "",
         *wrap(
-            "Nominal 95 % intervals that hold the true value, of all that were given; and the "
+            "Nominal 95 % intervals that contain the true value, of all intervals; and the "
             "half-width of the widest of the five in percent, median over the logs.",
             _WIDTH,
         ),
@@ -78,7 +78,7 @@ def render(results: Mapping[str, Any]) -> str:
         "",
         "### Time",
         "",
-        "Seconds on the clock for one log/seconds of the processors, medians over the logs.",
+        "Wall time/processor time for one log in s, medians over the logs.",
         "",
         *table(_time),
         "",
@@ -149,7 +149,7 @@ def _beside_casadi(found: Mapping[str, Any]) -> list[str]:
     text = (
         f"At equal accuracy ({_SAME_DATA}; errors {own:.2g} % and {error:.2g} %) CasADi's multiple "
         f"shooting takes {clock / own_clock:.0f} times as long as flexid's prediction error over "
-        f"segments of 10 s, {processor / own_processor:.0f} times by the processors' seconds."
+        f"segments of 10 s, {processor / own_processor:.0f} times by processor time."
     )
     return [*wrap(text, _WIDTH), ""]
 

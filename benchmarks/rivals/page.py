@@ -34,12 +34,12 @@ def render(results: Mapping[str, Any]) -> str:
 
     about = [[TOOLS[key].title, results["versions"][key], TOOLS[key].given] for key in tools]
     parts = [
-        "Worst relative error of gravity torque, inertias and stiffness in percent: of each log.",
+        "Worst relative error of gravity torque, inertias and stiffness in percent, for each log.",
         "",
         *table(_errors),
         "",
         *wrap(
-            "Nominal 95 % intervals of these four that hold the truth, of all that were given; and "
+            "Nominal 95 % intervals of these four that contain the truth, of all intervals; and "
             "the half-width of the widest in percent, median over the logs.",
             _WIDTH,
             break_on_hyphens=False,
@@ -47,7 +47,7 @@ def render(results: Mapping[str, Any]) -> str:
         "",
         *table(_intervals),
         "",
-        "Seconds of the processors for one log, median.",
+        "Processor time for one log in s, median.",
         "",
         *table(_seconds),
         "",
@@ -62,11 +62,11 @@ def render(results: Mapping[str, Any]) -> str:
 
 
 def _made(run: Mapping[str, str]) -> list[str]:
-    said = (
+    text = (
         f"`{run['command']}` on {run['date']}, commit {run['commit']}; {run['machine']}; "
         f"Python {run['python']}"
     )
-    return wrap(said, _WIDTH, initial_indent="- ", subsequent_indent="  ", break_on_hyphens=False)
+    return wrap(text, _WIDTH, initial_indent="- ", subsequent_indent="  ", break_on_hyphens=False)
 
 
 def _of(records: Sequence[Record], key: str, family: str) -> list[Record]:

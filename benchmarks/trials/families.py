@@ -310,7 +310,7 @@ _ALL = (
         True,
         _asymmetric_coulomb,
     ),
-    Family("cubic_spring", "a spring that hardens with the cube", True, _cubic_spring),
+    Family("cubic_spring", "a hardening spring with a cubic term", True, _cubic_spring),
     Family(
         "harmonic_drive",
         "stiff, resonance 70 to 150 rad/s, Coulomb friction 8 to 16 N m, held torque",
@@ -348,7 +348,7 @@ _ALL = (
     Family("lugre", "LuGre friction with Stribeck effect and presliding", False, _lugre),
     Family(
         "stribeck",
-        "dry friction that is 20 to 100 % more at rest, and falls off over 0.02 to 0.5 rad/s",
+        "Stribeck friction: 20 to 100 % more at rest, decaying over 0.02 to 0.5 rad/s",
         False,
         _stribeck,
         own_term=True,
@@ -362,7 +362,7 @@ _ALL = (
     ),
     Family(
         "backlash",
-        "dead zone of 0.2 to 2 mrad in the spring",
+        "backlash: dead zone of 0.2 to 2 mrad in the spring",
         False,
         _backlash,
         own_term=True,
@@ -375,14 +375,14 @@ _ALL = (
     ),
     Family(
         "eccentricity",
-        "error of the gear once per turn, 0.1 to 1 mrad, behind the motor's encoder",
+        "error of the gear once per turn, 0.1 to 1 mrad, after the motor's encoder",
         False,
         _eccentricity,
         own_term=True,
     ),
     Family(
         "saturating_torque",
-        "the torque falls short by 3 to 10 % at its peak",
+        "saturation: 3 to 10 % of the torque is lost at its peak",
         False,
         _saturating_torque,
         own_term=True,
@@ -401,14 +401,14 @@ _ALL = (
     ),
     Family(
         "spring_other",
-        "a spring that bends to another stiffness",
+        "a spring whose stiffness changes at a deflection",
         False,
         _spring_other,
         own_term=True,
     ),
     Family(
         "two_at_once",
-        "two of: friction that falls off, ripple, an eccentric gear, play or a bend of the spring",
+        "two of: Stribeck friction, ripple, an eccentric gear, backlash, a change of stiffness",
         False,
         _two_at_once,
         own_term=True,

@@ -83,7 +83,7 @@ def families() -> str:
         [one.name, one.about, "yes" if one.in_class else outside[one.own_term]]
         for one in FAMILIES.values()
     ]
-    return "\n".join(markdown(["family", "what it has", "in the model class"], lines))
+    return "\n".join(markdown(["family", "properties", "in the model class"], lines))
 
 
 def _percent(some: Share) -> str:
@@ -108,12 +108,12 @@ def _counts(counts: Mapping[str, int]) -> str:
 
 
 _ABOUT = (
-    "Confidently wrong: called determined, outside its 95 % interval, and off by more than 1 %; "
-    "logs with such a core parameter (gravity torque, inertias, stiffness), and with any. "
-    "No result: in brackets those with an error made for the user. Intervals: percent of nominal "
-    "95 % intervals that hold the truth, of all with the standard error from log to log, and of "
-    "the determined core. Error of the determined core in percent: median, 90th percentile and "
-    "largest. Seconds of processor time: median and largest."
+    "Confidently wrong: reported as determined, outside its 95 % interval, and off by more than "
+    "1 %; logs with such a core parameter (gravity torque, inertias, stiffness), and with any. "
+    "No result: in brackets those with an error message for the user. Intervals: percent of "
+    "nominal 95 % intervals that contain the truth, of all with the standard error between logs, "
+    "and of the determined core. Error of the determined core in percent: median, 90th percentile "
+    "and largest. Seconds of processor time: median and largest."
 )
 
 _COLUMNS: Sequence[Column] = (

@@ -284,7 +284,7 @@ _ALL = (
     RealisticFamily(
         "poor_logger",
         "50 to 200 samples per second; samples dropped and the time rebuilt, or jitter; one or two "
-        "other sins",
+        "other imperfections",
         _poor_logger,
     ),
 )

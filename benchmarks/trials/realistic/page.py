@@ -12,10 +12,10 @@ from benchmarks.trials.realistic.score import RealisticScore, claims, scores
 TITLE = "Realistic drives"
 
 _ABOUT = (
-    "Share of determined intervals that hold the truth, of all parameters and of the core: "
+    "Share of determined intervals that contain the truth, of all parameters and of the core: "
     "inertias and stiffness, or their ratios. Half-width of determined core intervals, relative to "
     "the truth, median. Error ratio: spread of the errors of determined core parameters over their "
-    "standard errors; 1 is right, above 1 intervals are too narrow. Wrong: logs with a determined "
+    "standard errors; above 1 the intervals are too narrow. Wrong: logs with a determined "
     "core parameter outside its interval and more than 5 % off. Seconds of processor time: median "
     "/ largest."
 )
@@ -53,7 +53,7 @@ def render(records: Records) -> list[str]:
 def families() -> str:
     """Return the list of families as Markdown."""
     return "\n".join(
-        markdown(["family", "what it has"], [[one.name, one.about] for one in REALISTIC.values()])
+        markdown(["family", "properties"], [[one.name, one.about] for one in REALISTIC.values()])
     )
 
 

@@ -154,10 +154,10 @@ def _check_distinct(symbolic: SymbolicSystem, row: SymbolicRow) -> None:
     for coefficient, regressor in zip(map(str, row.coefficients), row.regressor, strict=True):
         other = found.get(regressor, found.get(-regressor))
         if regressor == 0 or other is not None:
-            what = "0" if regressor == 0 else f"that of {other!r}"
+            equals = "is 0" if regressor == 0 else f"equals that of {other!r}"
             raise ModelError(
                 symbolic.system.name,
-                f"row {row.name!r}: the regressor of {coefficient!r} is {what}, so that no motion "
+                f"row {row.name!r}: the regressor of {coefficient!r} {equals}, so that no motion "
                 f"determines it: leave it out",
             )
         found[regressor] = coefficient
