@@ -1,4 +1,4 @@
-"""Debian's Chromium for tests of pages: the fixture `browser`, and what a page is held to."""
+"""Debian's Chromium for tests of pages: the fixture `browser`, and checks of pages."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _ARGUMENTS = (
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    """Return a browser; skip where there is none.
+    """Return a browser; skip the test without one.
 
-    Each file of tests has its own: Playwright keeps an event loop running in the thread as long as
-    it is open, beside which others' `asyncio.run` would fail.
+    Each test file has its own browser: Playwright keeps an event loop running in the thread while
+    it is open, and other calls of `asyncio.run` would fail.
     """
     if not _CHROMIUM.exists():
         pytest.skip("chromium is not installed")
@@ -63,7 +63,7 @@ class Watched:
 
 
 def serious_faults(page: Page) -> list[str]:
-    """Faults that axe-core calls serious or critical, each with the places where it is."""
+    """Return faults that axe-core rates serious or critical, each with its places."""
     from axe_playwright_python.sync_playwright import Axe
 
     found = Axe().run(page).response["violations"]

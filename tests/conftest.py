@@ -15,10 +15,10 @@ import pytest
 
 from browser import browser  # noqa: F401 - a fixture
 
-# One thread of linear algebra for each process of tests; NumPy reads it when it is loaded.
+# One thread of linear algebra for each test process; NumPy reads the variable at its import.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-# Bytecode is kept: else each process that a test starts compiles flexid's sources once more.
+# Bytecode is kept, so that processes started by tests need not compile flexid's sources.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 from flexid.cli.main import main
@@ -39,18 +39,18 @@ class Outcome:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the one flag that rewrites the golden files."""
+    """Add the option that rewrites the golden files."""
     parser.addoption("--update-golden", action="store_true", help="rewrite the golden files")
 
 
 def pytest_configure() -> None:
-    """Look for garbage less often: compiling makes many objects that stay."""
+    """Collect garbage less often, since compilation creates many lasting objects."""
     logging.getLogger("flexid.kernels").setLevel(logging.WARNING)  # caches differ
     gc.set_threshold(100_000, 20, 20)
 
 
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
-    """Look no more for garbage among what a file's tests leave behind, mostly compiled code."""
+    """Freeze objects left by a test file, mostly compiled code, so that they are not collected."""
     if nextitem is None or nextitem.path != item.path:
         gc.collect()
         gc.freeze()
@@ -58,9 +58,9 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
 
 @pytest.fixture
 def golden(request: pytest.FixtureRequest) -> Callable[[Mapping[str, str]], None]:
-    """Return a function that compares sentences by name with those in ``texts/`` beside the test.
+    """Return a function that compares texts by name with ``texts/`` in the test's folder.
 
-    Their file has the test's name; ``pytest --update-golden`` writes it.
+    The file has the test's name; ``pytest --update-golden`` writes it.
     """
     path = request.path.parent / "texts" / f"{request.node.name.removeprefix('test_')}.txt"
 
@@ -78,7 +78,7 @@ def golden(request: pytest.FixtureRequest) -> Callable[[Mapping[str, str]], None
 def refusals(
     golden: Callable[[Mapping[str, str]], None],
 ) -> Callable[[Mapping[str, Callable[[], object]]], None]:
-    """Return a function that compares what calls are refused with, by name, with such sentences."""
+    """Return a function that compares refusals of calls, by name, with stored texts."""
 
     def compare(calls: Mapping[str, Callable[[], object]]) -> None:
         found = {}
@@ -94,7 +94,7 @@ def refusals(
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
-    """Return the folder of real logs, no part of the project; skip where it is absent."""
+    """Return the folder of real logs, which is no part of the project; skip without it."""
     folder = Path(__file__).parents[2] / "shared" / "data"
     if not folder.is_dir():
         pytest.skip(f"the real logs are not here: no folder {folder.name} beside the repository")
@@ -109,7 +109,7 @@ def examples() -> Path:
 
 @pytest.fixture(scope="session")
 def example_estimate(examples: Path) -> JointEstimate:
-    """Return what is found in the example log with the terms and the hold that made it."""
+    """Return the estimate of the example log with its true terms and hold."""
     from flexid.library.identify import identify
 
     log = examples / "flexible_joint.csv"
@@ -127,7 +127,7 @@ def tiny_drive(examples: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
 
 @pytest.fixture(scope="session")
 def reproduction() -> Reproduction:
-    """Return Huang (2003) reproduced, once for all tests."""
+    """Return the reproduction of Huang (2003), computed once for all tests."""
     return reproduce(lambda _: None)
 
 
@@ -135,7 +135,7 @@ def reproduction() -> Reproduction:
 def flexid(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> Callable[..., Outcome]:
-    """Return a function that runs ``flexid`` with arguments, as a shell would."""
+    """Return a function that runs ``flexid`` with arguments, as from a shell."""
 
     def run(*arguments: object) -> Outcome:
         monkeypatch.setattr(sys, "argv", ["flexid", *map(str, arguments)])

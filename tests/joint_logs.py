@@ -1,4 +1,4 @@
-"""Logs of Table I's joint: from rest under any torque, and in steady motion on one sine."""
+"""Logs of Table I's joint: from rest under any torque, and in periodic motion on one sine."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ NOISE = 1e-4
 
 
 def steady_sine(amplitude, frequency, duration=20.0, sample_time=SAMPLE_TIME):
-    """Torque that moves the link on one sine, shape (n,), and the state to start from."""
+    """Return the torque, shape (n,), and the initial state for a sine of the link."""
     t = sample_time * np.arange(round(duration / sample_time))
     q = amplitude * np.sin(frequency * t)
     rates = [amplitude * frequency**n * np.cos(frequency * t) for n in (1, 3)]
@@ -29,13 +29,13 @@ def steady_sine(amplitude, frequency, duration=20.0, sample_time=SAMPLE_TIME):
 
 
 def write_log(path, torque, start, seed=11):
-    """Run the joint under a smooth torque, given at `FINE`, and write what two encoders saw."""
+    """Run the joint under a smooth torque, given at `FINE`, and write readings of two encoders."""
     x = free_run(flexible_joint(), TRUE, start, torque, FINE)[::10]
     return save(path, x, torque[::10], NOISE, seed)
 
 
 def write_held_log(path, torque, noise=NOISE, seed=3, column="motor_torque [N m]"):
-    """The same from rest under a torque at `SAMPLE_TIME` that is held from sample to sample."""
+    """Run the joint from rest under a torque held between samples, and write the readings."""
     x = free_run(flexible_joint(), TRUE, np.zeros(4), torque, SAMPLE_TIME, "zero")
     return save(path, x, torque, noise, seed, column)
 

@@ -1,4 +1,4 @@
-"""Estimates whose covariance is known: drawn about a drive, as a log would give them."""
+"""Synthetic estimates with a known covariance, drawn about the true values of a drive."""
 
 import json
 from copy import deepcopy
@@ -28,13 +28,13 @@ SETTINGS = {"model": "auto", "terms": "auto", "known": {}, "hold": "auto"}
 
 
 def wishart(rng, covariance, freedom):
-    """A covariance as it is estimated with so many degrees of freedom."""
+    """Return a covariance estimated with these degrees of freedom."""
     errors = rng.multivariate_normal(np.zeros(len(covariance)), covariance, round(freedom))
     return errors.T @ errors / round(freedom)
 
 
 def drawn(rng, true=None, freedom=20, correlation=0.5, **about):
-    """An estimate of a drive from a log of its own."""
+    """Return an estimate of a drive from its own log, with random errors."""
     true = TRUE if true is None else true
     covariance = covariance_of(true, correlation)
     values = rng.multivariate_normal(list(true.values()), covariance)
@@ -44,20 +44,20 @@ def drawn(rng, true=None, freedom=20, correlation=0.5, **about):
 
 
 def exact(true, log):
-    """An estimate that comes out true, whose coefficients err independently of each other."""
+    """Return an estimate with the true values and independent errors."""
     values = np.array(list(true.values()))
     covariance = covariance_of(true, 0.0)
     return estimate_of(Estimate(tuple(true), values, covariance, (30.0,) * len(true)), log)
 
 
 def covariance_of(true, correlation):
-    """Of coefficients that are known to a hundredth."""
+    """Return the covariance of coefficients with relative standard errors of 1 %."""
     deviations = RELATIVE * np.abs(list(true.values()))
     return np.outer(deviations, deviations) * np.where(np.eye(len(true)) == 1, 1.0, correlation)
 
 
 def estimate_of(fit, log="a log", **settings):
-    """All of an identification that follows from what was fitted."""
+    """Return the identification that follows from a fit."""
     coefficients = {}
     for name, value, std, freedom in zip(
         fit.names, fit.values.tolist(), fit.deviations.tolist(), fit.degrees_of_freedom, strict=True
@@ -67,7 +67,7 @@ def estimate_of(fit, log="a log", **settings):
     values = fit.by_name
     parameters = {}
     for parameter in physical_parameters(values, input_is_torque=True):
-        if not isinstance(parameter, Sum):  # of which the parts are known
+        if not isinstance(parameter, Sum):  # the parts are known
             parameters[parameter.name] = judged_function(parameter, values, fit)
     gram = np.array([[1.0, 0.3], [0.3, 1.0]])
     return Identification(
@@ -104,7 +104,7 @@ def estimate_of(fit, log="a log", **settings):
 
 
 def with_parameter(estimate, name, **changed):
-    """The same with one parameter otherwise; None takes it away."""
+    """Return the estimate with one parameter changed."""
     parameters = dict(estimate.parameters)
     parameters[name] = replace(parameters[name], **changed)
     return replace(estimate, parameters=parameters)
@@ -114,7 +114,7 @@ MISSING = object()
 
 
 def altered(document, keys, value):
-    """The document with another value somewhere, or without what was there."""
+    """Return the document with one value replaced or removed."""
     made = deepcopy(document)
     *folders, last = keys.split(".")
     part = reduce(dict.__getitem__, folders, made)
@@ -125,14 +125,14 @@ def altered(document, keys, value):
 
 
 def stored_value(value, **changed):
-    """A coefficient or a parameter as a file has it."""
+    """Return a coefficient or a parameter as in a file."""
     ends = {"std": 0.0, "interval": [value, value], "degrees_of_freedom": None}
     about = {"unit": "", "verdict": "determined", "reason": "", "logarithmic": False, "slopes": {}}
     return {"value": value, **ends, **about, **changed}
 
 
 def stored_document(coefficients, parameters=None):
-    """What a file holds of an estimate with these values, none of which was fitted; unsealed."""
+    """Return the document of an estimate with these values and no fit; without a seal."""
     document = json.loads(to_json(estimate_document(exact(TRUE, "another log"))))
     kinds = {"coefficients": coefficients, "parameters": parameters or {}}
     document["fit"] = {"names": [], "values": [], "covariance": [], "degrees_of_freedom": []}

@@ -1,4 +1,4 @@
-"""What all of flexid's exceptions have in common."""
+"""Properties of all exceptions of flexid."""
 
 import pickle
 
@@ -17,7 +17,7 @@ RAISED = [
 
 @pytest.mark.parametrize("error", RAISED, ids=lambda error: type(error).__name__)
 def test_errors_travel_between_processes(error: errors.FlexidError) -> None:
-    """Assert that an error that was pickled has its class, its text and its fields."""
+    """Assert that a pickled error keeps its class, text and fields."""
     arrived = pickle.loads(pickle.dumps(error))
     assert type(arrived) is type(error)
     assert str(arrived) == str(error)

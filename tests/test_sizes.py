@@ -1,4 +1,4 @@
-"""Files that are larger, wider or deeper than anybody means: refused before they fill memory."""
+"""Files that are too large, wide or deeply nested: refused with bounded memory."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ TOML: dict[str, Callable[[Path], object]] = {
     "experiment": read_experiment,
     "model": read_model,
 }
-MOST = 60_000_000  # bytes of memory: the largest file below, decoded, and half as much again
+MOST = 60_000_000  # bytes of memory: 1.5 times the largest file below, decoded
 
 
 def refusal(path: Path, raw: bytes, read: Callable[[Path], object]) -> str:
-    """The one line with which a file is refused, in bounded memory."""
+    """Return the one-line message of a refusal, in bounded memory."""
     path.write_bytes(raw)
     tracemalloc.start()
     try:
@@ -62,7 +62,7 @@ NOT_TOML = {
 @pytest.mark.parametrize("what", TOML)
 @pytest.mark.parametrize("case", NOT_TOML)
 def test_what_is_no_toml(what: str, case: str, tmp_path: Path):
-    """Assert that every reader of TOML refuses it with the file, and by what it is."""
+    """Assert that every reader of TOML refuses the file by name, with the reason."""
     raw, words = NOT_TOML[case]
     message = refusal(tmp_path / "a.toml", raw, TOML[what])
     assert words in message
@@ -71,7 +71,7 @@ def test_what_is_no_toml(what: str, case: str, tmp_path: Path):
 
 @pytest.mark.parametrize("what", TOML)
 def test_what_is_no_file(what: str, tmp_path: Path):
-    """Assert that a path without a file is refused by name, and the largest file is read."""
+    """Assert that a path without a file is refused by name, and that the largest file is read."""
     for path in (tmp_path / "none.toml", tmp_path):
         with pytest.raises(FlexidError, match=path.name):
             TOML[what](path)
@@ -80,12 +80,12 @@ def test_what_is_no_file(what: str, tmp_path: Path):
 
 @pytest.mark.parametrize("raw", [b"[" * 200_000, b'{"a":' * 100_000], ids=["lists", "objects"])
 def test_an_estimate_nested_deep(raw: bytes, tmp_path: Path):
-    """Assert that JSON that is nested a hundred thousand deep is no estimate."""
+    """Assert that JSON nested a hundred thousand levels deep is no estimate."""
     assert "is not JSON" in refusal(tmp_path / "estimate.json", raw, read_estimate)
 
 
 def test_a_header_of_very_many_columns(tmp_path: Path):
-    """Assert that a header longer than a megabyte is refused, and one of very many columns."""
+    """Assert that a header of a megabyte, or of very many columns, is refused."""
     header = ",".join(f"c{number}" for number in range(160_000))
     rows = "\n" + ",".join("1" * 160_000)
     message = refusal(tmp_path / "log.csv", (header + 2 * rows).encode(), read_log)
@@ -97,7 +97,7 @@ def test_a_header_of_very_many_columns(tmp_path: Path):
 
 
 def test_a_file_that_grows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that of a file that is still written not a part is taken for the whole."""
+    """Assert that a file that grows while it is read is refused."""
     (tmp_path / "log.csv").write_text("time,motor_position\n" + "0,1\n" * 100)
     monkeypatch.setattr(files, "check_file", lambda *_: 100)
     with pytest.raises(FlexidError, match="the file grows while it is read"):

@@ -1,4 +1,4 @@
-"""Changes of a source, of which the tests are to notice each."""
+"""Mutations of a source, each of which the tests should detect."""
 
 from benchmarks.mutations import changes
 from benchmarks.page_block import block_of
@@ -23,7 +23,7 @@ def test_changes_of_a_source():
 
 
 def test_the_pages_show_what_is_kept():
-    """Assert that table and list are those of what is kept, and that each survivor is judged."""
+    """Assert that table and list on the page match the results, with each survivor judged."""
     results = mutants_page.kept()
     page = mutants_page.PAGE.read_text(encoding="utf-8")
     assert block_of(page, mutants_page.BLOCK) == "\n".join([*mutants_page.table(results), ""])

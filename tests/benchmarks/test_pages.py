@@ -1,4 +1,4 @@
-"""Benchmarks: each has a smoke run, and the pages show the results that are kept."""
+"""Benchmarks: each has a smoke run, and the pages show the stored results."""
 
 import json
 from dataclasses import fields
@@ -22,7 +22,7 @@ KEPT = json.loads(coverage_page.RESULTS.read_text(encoding="utf-8"))
 
 @pytest.mark.parametrize("made", [accuracy_page, coverage_page, rivals, trials])
 def test_the_page_is_the_results(made):
-    """Assert that each page is what the kept results make, to the letter, with today's families."""
+    """Assert that each page shows the stored results exactly, with the current families."""
     kept, page = (path.read_text(encoding="utf-8") for path in (made.RESULTS, made.PAGE))
     assert block_of(page, made.BLOCK) == made.render(json.loads(kept))
     if made is trials:
@@ -31,7 +31,7 @@ def test_the_page_is_the_results(made):
 
 
 def test_every_interval_means_what_it_says():
-    """Assert that 92 to 98 % of at least 400 intervals of each coefficient hold the truth."""
+    """Assert that 92 to 98 % of at least 400 intervals of each coefficient contain the truth."""
     measured = [cell for cell in KEPT if "contrast" not in cell["estimator"]]
     assert len({cell["noise"] for cell in measured}) == 3
     assert any(cell["estimator"].startswith("online") for cell in measured)
@@ -43,7 +43,7 @@ def test_every_interval_means_what_it_says():
 
 
 def test_lines_of_code(tmp_path: Path):
-    """Assert that only code between the marks counts, and that the page has today's."""
+    """Assert that only code between the marks counts, and that stored counts are current."""
     source = tmp_path / "tool.py"
     source.write_text("a\n# user code begins\nx = 1\n\n  # why\ny = 2  # so\n# user code ends\nz\n")
     assert accuracy_page.lines_of_user_code(source) == 2
@@ -59,7 +59,7 @@ def test_lines_of_code(tmp_path: Path):
 
 
 def test_a_log_that_a_rival_fails_on_is_not_left_out():
-    """Assert that medians of a rival stand beside what it has no answer or no number for."""
+    """Assert that a rival's failures and missing values are shown with its medians."""
     answered = {"errors": {"link_inertia": -0.25}, "inside": {"link_inertia": False}}
     answered |= {"widest": 0.5, "seconds": 3.0}
     nothing = {"errors": {"link_inertia": inf}, "seconds": 5.0}
@@ -81,7 +81,7 @@ PICTURES = {"studio_pictures"}
 
 
 def test_no_benchmark_is_left_out():
-    """Assert that each program among the benchmarks is run at its smallest."""
+    """Assert that each benchmark program has a smoke run."""
     marks = ('if __name__ == "__main__":', "def run(quick: bool)")
     texts = {path.stem: path.read_text("utf-8") for path in FOLDER.glob("[a-z]*.py")}
     single = {name for name, text in texts.items() if any(mark in text for mark in marks)}
@@ -90,7 +90,7 @@ def test_no_benchmark_is_left_out():
 
 
 def test_each_threshold_is_halved_and_doubled():
-    """Assert that one threshold moves at a time, and all but those that no trial can show."""
+    """Assert that one threshold changes at a time, and that all are changed but the listed ones."""
     names = {field.name for field in fields(THRESHOLDS)} - {*UNTOUCHED}
     found = dict(moved())
     assert set(found) == {f"{name} x {factor}" for name in names for factor in ("0.5", "2")}

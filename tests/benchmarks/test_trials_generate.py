@@ -1,4 +1,4 @@
-"""Blind trials are repeatable, independent of flexid, and those of the results that are kept."""
+"""Blind trials: repeatable, independent of flexid, and equal to those of the stored results."""
 
 import json
 import subprocess
@@ -20,18 +20,18 @@ KEPT = {r["family"]: r for r in json.loads(RESULTS.read_text(encoding="utf-8"))[
 
 @pytest.fixture(scope="module")
 def trial():
-    """A log of the paper's joint."""
+    """Return a log of the paper's joint."""
     return make_trial("basic", 0)
 
 
 def columns(trial):
-    """What is recorded, as one array."""
+    """Return all channels as one array."""
     return np.column_stack((trial.time, trial.link_position, trial.motor_position, trial.torque))
 
 
 @pytest.mark.parametrize("module", ["repeated", "realistic.generate"])
 def test_the_generator_does_not_import_flexid(module):
-    """Assert that a log is drawn without a line of flexid."""
+    """Assert that a log is generated without importing flexid."""
     code = (
         f"import sys, benchmarks.trials.{module}\n"
         "assert not [name for name in sys.modules if name.split('.')[0] == 'flexid']"
@@ -41,7 +41,7 @@ def test_the_generator_does_not_import_flexid(module):
 
 @pytest.mark.parametrize("family", ["basic", "dropped_sample"])
 def test_a_seed_is_a_log(family):
-    """Assert that family and seed give the same log again, and another seed another log."""
+    """Assert that family and seed determine a log."""
     first, again, other = make_trial(family, 3), make_trial(family, 3), make_trial(family, 4)
     np.testing.assert_array_equal(columns(first), columns(again))
     assert first.truth == again.truth
@@ -49,7 +49,7 @@ def test_a_seed_is_a_log(family):
 
 
 def test_one_drive_is_recorded_again():
-    """Assert that drive and friction stay, but for what is changed, and that motions are others."""
+    """Assert that a repeated drive keeps all values but the changed one, with another motion."""
     first, other, stiffer, again = make_repeated("coulomb", 1, [{}, {}, {"joint_stiffness": 1.05}])
     assert other.truth == first.truth
     changed = {name: stiffer.truth[name] / value for name, value in first.truth.items() if value}
@@ -64,7 +64,7 @@ def test_one_drive_is_recorded_again():
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_family_draws_the_logs_of_the_results(family):
-    """Assert truth, settings and motion of a log whose results are kept, and that it shows them."""
+    """Assert truth, settings and motion of a log of each family, as in the stored results."""
     kept = KEPT[family]
     trial = make_trial(family, kept["seed"])
     acts = {name: value for name, value in trial.truth.items() if value}
@@ -83,7 +83,7 @@ def test_every_family_draws_the_logs_of_the_results(family):
 
 
 def test_offsets_and_masses_become_what_the_log_shows():
-    """Assert the algebra: two masses are one, and offsets of encoders stretch the spring."""
+    """Assert that two masses act as one, and that encoder offsets deflect the spring."""
     drive = Drive(1.0, 0.5, 100.0, gravity_torque=3.0, payload_torque=4.0, payload_angle=np.pi / 2)
     drive = drive._replace(motor_coulomb_up=1.0, motor_coulomb_down=3.0, motor_offset=0.5)
     draft = Draft(drive, 20.0, 20.0, 1.0, link_zero=0.02, motor_zero=-0.01, torque_zero=0.1)
@@ -96,19 +96,19 @@ def test_offsets_and_masses_become_what_the_log_shows():
 
 
 def played(drive, times, held):
-    """States at the times, under a torque that is held from each time on."""
+    """Return states at the times, under a torque that is constant from each time to the next."""
     course, nothing = np.zeros((len(times), 3)), np.zeros(len(times))
     rest = held.copy(), nothing, Smooth(np.empty(0), 0.0, 1.0), Law(), course, 0.0, 5e-5
     return simulate(drive, times, times, times, *rest)[0]
 
 
 def test_lugre_creeps_before_it_breaks_away():
-    """Assert that a load below the static friction stretches the bristles and does no more."""
+    """Assert that a load below static friction deflects the bristles only."""
     bristles = {"bristle_stiffness": 2000.0, "bristle_damping": 14.0, "stribeck_velocity": 0.05}
     bristles |= {"bristle_coulomb": 1.0, "bristle_static": 1.5}
     drive = Drive(0.01, 0.1, 10.0, link_viscous=1.0, **bristles)
     times = np.arange(3001) * 1e-3
     crept = played(drive, times, 0.8 * np.minimum(times, 1.0))[-1, 2]
-    # Bristles that are pulled slowly: load = static (1 - exp(-stiffness x / static)).
+    # Slowly pulled bristles: load = static (1 - exp(-stiffness x / static)).
     assert crept == pytest.approx(-np.log(1.0 - 0.8 / 1.5) * 1.5 / 2000.0, rel=0.02)
     assert played(drive, times, np.full(len(times), 1.6))[-1, 2] > 0.5

@@ -56,7 +56,7 @@ MANY_SINS = Plant(
 
 
 def test_the_integrator_agrees_with_scipy():
-    """Assert that a drive with all sins moves as SciPy's integrator says, under a held input."""
+    """Assert that a drive with all effects agrees with SciPy's integrator, under a held input."""
 
     def slope(time, state):
         q, w, r, s, p, v, x, g = state
@@ -93,7 +93,7 @@ def test_the_integrator_agrees_with_scipy():
 
 
 def response(plant, draft, frequency):
-    """Amplitudes of link, motor, deflection as it is logged, and input, to a slow small sine."""
+    """Return amplitudes of link, motor, logged deflection and input, for a slow small sine."""
     inertia = plant.near_inertia + plant.tip_inertia + plant.motor_inertia
     size = 0.01 * (inertia * frequency**2 + plant.gravity_torque)
     times = np.arange(0.0, 24.0 * np.pi / frequency, 2e-3)
@@ -113,10 +113,10 @@ def response(plant, draft, frequency):
 @pytest.mark.parametrize("family", REALISTIC)
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_truth_is_the_low_frequency_response(family, seed):
-    """Assert that lumped equations with the truth explain a slow sine.
+    """Assert that lumped equations with the true values describe a slow sine.
 
-    Second mode, gauge, back-EMF and the lag of current or coil act; what is not linear does not.
-    The tolerance allows for the lag's phase. Viscous friction is raised, so that the start decays.
+    The second mode, gauge, back-EMF and lag of current or coil act, without nonlinear effects. The
+    tolerance allows for the lag's phase. Viscous friction is raised, so that the start decays.
     """
     _, draft, plant, *_ = drawn(family, seed)
     plant = plant._replace(**NONLINEAR, motor_viscous=5.0 * plant.motor_viscous)
@@ -138,7 +138,7 @@ def test_the_truth_is_the_low_frequency_response(family, seed):
     frequency = 0.1 * draft.resonance
     link, motor, deflection, torque = response(plant, draft, frequency)
     rate = 1j * frequency
-    spring = (-(rate**2) - gravity) * link  # per inertia of the link
+    spring = (-(rate**2) - gravity) * link  # per link inertia
     assert (spring / deflection).real == pytest.approx(stiffness_link, rel=5e-3)
     needed = rate**2 * motor + viscous * rate * motor - stiffness_motor * deflection
     needed -= damping / motor_inertia * rate * deflection

@@ -1,4 +1,4 @@
-"""Scores of blind and realistic trials, on made-up records, and what other tools get of a trial."""
+"""Scores of blind and realistic trials on synthetic records, and the data given to other tools."""
 
 from math import isnan
 
@@ -18,7 +18,7 @@ FAILED = {"error": "RecordingError: no", "refused": True}
 
 
 def record(**changes):
-    """A log's record: truth 2 for the link's inertia, 10 for the stiffness."""
+    """Return a log's record; the true link inertia is 2, and the stiffness 10."""
     return {
         "family": "some",
         "seed": 0,
@@ -39,12 +39,12 @@ def record(**changes):
 
 
 def failed(one):
-    """The record of a log that was refused."""
+    """Return the record of a log that was refused."""
     return {name: one[name] for name in KNOWN if name in one} | FAILED
 
 
 def test_each_interval_is_counted_where_it_belongs():
-    """Assert that kept, removed and delays are counted apart, removed ones against their truth."""
+    """Assert that kept values, removed ones and delays are counted separately."""
     found = score([record()])
     shares = {"all": (4, 5), "determined": (1, 1), "core": (1, 1), "removed": (1, 2)}
     shares["delay"] = (1, 1)
@@ -52,7 +52,7 @@ def test_each_interval_is_counted_where_it_belongs():
         assert found.coverage[name] == Share(held, count)
     assert found.core_determined == Share(1, 2)
     assert found.coverage["removed"].percent == 50.0
-    # Of delays, only those that were sought.
+    # Only unknown delays count.
     given = {"input_delay": [0.0, 0.0, 0.0, "given"], "link_delay": [1e-4, 5e-5, 2e-4, "found"]}
     assert score([record(delays=given)]).coverage["delay"] == Share(0, 1)
 
@@ -66,12 +66,12 @@ def test_each_interval_is_counted_where_it_belongs():
         ({"link_inertia": [2.1, 2.05, 2.15, "weak"]}, 0, 0),  # not claimed to be determined
         ({"link_inertia": [NAN, NAN, NAN, "determined"]}, 0, 0),
         ({"motor_offset_torque": [0.4, 0.38, 0.42, "determined"]}, 0, 1),
-        # What does not act is missed, and never confidently wrong.
+        # An absent term counts as uncovered, and never as confidently wrong.
         ({"link_viscous_friction": [0.1, 0.05, 0.15, "determined"]}, 0, 0),
     ],
 )
 def test_confidently_wrong(estimates, core, everything):
-    """Assert that wrong is determined, outside its interval, and more than one percent off."""
+    """Assert that wrong means determined, outside its interval, and more than 1 % off."""
     found = score([record(estimates=estimates), record()])
     assert (found.wrong_core, found.wrong) == (core, everything)
     if "link_viscous_friction" in estimates:
@@ -79,7 +79,7 @@ def test_confidently_wrong(estimates, core, everything):
 
 
 def test_a_failed_log_counts_as_undetermined():
-    """Assert that an error is a row: counted, and none of its parameters determined."""
+    """Assert that a failed log is counted, with none of its parameters determined."""
     for found in (
         score([failed(record()), record()]),
         realistic.score("some", [failed(rig()), rig()]),
@@ -90,7 +90,7 @@ def test_a_failed_log_counts_as_undetermined():
 
 
 def rig(*estimate, **changes):
-    """A realistic log's record: no gravity, and no truth for an offset."""
+    """Return a realistic log's record, without gravity and with an offset of unknown truth."""
     estimates = {
         "link_inertia": [2.02, 1.9, 2.1, "determined"],
         "joint_stiffness": [10.5, 9.0, 11.0, "weak"],
@@ -105,7 +105,7 @@ def rig(*estimate, **changes):
 
 
 def test_only_determined_intervals_with_a_truth_count():
-    """Assert that weak ones and those without a truth are left out, and that zero is a truth."""
+    """Assert that weak values and those without a truth are omitted, and that zero is a truth."""
     found = realistic.score("some", [rig()])
     assert found.determined == Share(1, 2)
     assert found.core == Share(1, 1)
@@ -125,16 +125,16 @@ def test_only_determined_intervals_with_a_truth_count():
     ],
 )
 def test_wrong_is_outside_and_five_percent_off(estimate, expected):
-    """Assert that a realistic log is wrong if a core value is outside its interval and 5 % off."""
+    """Assert that a realistic log is wrong if a value is outside its interval and 5 % off."""
     found = realistic.score("some", [rig(*estimate), rig()])
     assert found.wrong == Share(expected, 2)
 
 
 @pytest.mark.parametrize(("share", "ratio"), [(1.0, 1.0), (0.5, 2.0)])
 def test_the_error_ratio_is_one_for_honest_intervals(share, ratio):
-    """Assert that normal errors with their standard errors give 1, and half of those give 2."""
+    """Assert a ratio of 1 for right standard errors, and 2 for halved ones."""
     half = 0.1 * 1.959964 * share
-    # The quartiles of a normal distribution: half the errors are smaller.
+    # The quartiles of a normal distribution contain half of the errors.
     values = [2.0 + 0.1 * error for error in (-1.5, -0.67449, 0.3, 0.67449)]
     of_logs = [rig(value, value - half, value + half) for value in values]
     assert realistic.score("some", of_logs).error_ratio == pytest.approx(ratio, rel=1e-4)
@@ -144,7 +144,7 @@ SAMPLE_TIME = 0.002  # s
 
 
 def trial(hold: str, input_delay: float, link_delay: float) -> Trial:
-    """A log of a swing, of which the link's encoder and the torque are late."""
+    """Return a log of a swing with delays of the link's encoder and of the torque."""
     time = 5.0 + SAMPLE_TIME * np.arange(2000, dtype=np.float64)
     return Trial(
         "basic",
@@ -162,7 +162,7 @@ def trial(hold: str, input_delay: float, link_delay: float) -> Trial:
 
 
 def test_positions_are_on_one_clock():
-    """Assert that a late encoder is put where it was, to what a cubic between samples leaves."""
+    """Assert that a late encoder is shifted back, up to the error of a cubic interpolation."""
     made = given(trial("zero", 0.0, 0.0031))
     np.testing.assert_allclose(made.positions[:, 0], np.sin(3.0 * made.time), atol=1e-9)
     np.testing.assert_allclose(made.positions[:, 1], np.sin(3.0 * made.time), atol=1e-9)
@@ -170,9 +170,9 @@ def test_positions_are_on_one_clock():
 
 
 def test_a_held_torque_is_held_and_late():
-    """Assert that within a sample the torque that was recorded a delay before acts."""
+    """Assert that a held torque acts with its delay, also within a sample."""
     made = given(trial("zero", 0.003, 0.0))
-    # 3 ms late: at 6.0005 s acts what was recorded at 5.996 s, and up to 6.001 s.
+    # 3 ms late: the torque recorded at 5.996 s acts at 6.0005 s, and up to 6.001 s.
     (mean,) = made.mean_torque(np.array([6.0002, 6.0008]))
     assert mean == pytest.approx(np.cos(7.0 * 5.996), abs=1e-12)
     (across,) = made.mean_torque(np.array([6.0, 6.002]))
@@ -180,7 +180,7 @@ def test_a_held_torque_is_held_and_late():
 
 
 def test_scores_are_of_the_core():
-    """Assert that errors are relative, and intervals count where they are stated."""
+    """Assert relative errors in per cent, and intervals only if an answer has them."""
     truth = {"gravity_torque": 0.0, "link_inertia": 2.0, "motor_inertia": 1.0}
     truth |= {"joint_stiffness": 50.0, "motor_viscous_friction": 0.1}
     values = {"link_inertia": 2.1, "motor_inertia": 0.5, "joint_stiffness": 50.0}

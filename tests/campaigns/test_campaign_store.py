@@ -1,4 +1,4 @@
-"""A campaign's directory: what is kept, redone and refused, what a kill leaves, what it shows."""
+"""A campaign's directory: parts kept, repeated and refused, interruptions, and summaries."""
 
 import errno
 import json
@@ -33,7 +33,7 @@ def rows(runs):
 
 @pytest.fixture
 def full(tmp_path):
-    """A directory with all parts."""
+    """Return a directory with all parts."""
     with open_store(tmp_path / "out", MANIFEST) as store:
         for part in MANIFEST.parts:
             store.write(part, rows(MANIFEST.runs_of(part)))
@@ -42,20 +42,20 @@ def full(tmp_path):
 
 
 def missing(directory, manifest=MANIFEST):
-    """Return the numbers of the parts that would be run."""
+    """Return the numbers of the parts to run."""
     with open_store(directory, manifest) as store:
         return store.missing()
 
 
 def test_a_new_directory_lacks_everything(tmp_path):
-    """Assert that the manifest is there before parts, which hold all runs once."""
+    """Assert that the manifest is written before parts, and that parts contain each run once."""
     assert missing(tmp_path / "a" / "b") == [0, 1, 2]
     assert json.loads((tmp_path / "a" / "b" / "campaign.json").read_text())["runs"] == 7
     assert [list(MANIFEST.runs_of(n)) for n in MANIFEST.parts] == [[0, 1, 2], [3, 4, 5], [6]]
 
 
 def cut(path, size):
-    """Leave some bytes of a file."""
+    """Truncate a file."""
     path.write_bytes(path.read_bytes()[:size])
 
 
@@ -69,13 +69,13 @@ def cut(path, size):
     ],
 )
 def test_a_damaged_part_is_run_again(full, damage):
-    """Assert that a part that is cut or another's is missing alone."""
+    """Assert that only a part that is truncated or from another campaign counts as missing."""
     damage(full / "runs" / "part-000001.parquet")
     assert missing(full) == [1]
 
 
 def test_a_directory_keeps_its_part_size(full):
-    """Assert that a file that asks for other parts goes on with those that are there."""
+    """Assert that existing parts determine the size of later parts."""
     with open_store(full, MANIFEST.model_copy(update={"runs_per_part": 2})) as store:
         assert store.manifest == MANIFEST
         assert store.missing() == []
@@ -92,7 +92,7 @@ CHANGES = {"flexid": "0.9", "experiment": "4567", "plan": "4567"}
 
 
 def test_the_directory_of_something_else_is_refused(full, golden, monkeypatch):
-    """Assert that one sentence says what differs, and nothing is touched."""
+    """Assert that a directory of another campaign is refused with the difference, unchanged."""
     monkeypatch.chdir(full.parent)
     before = sorted(path.stat().st_mtime_ns for path in full.rglob("*.parquet"))
     found = {}
@@ -114,7 +114,7 @@ DAMAGED = (
 
 
 def test_directories_that_cannot_be_used(full, golden, monkeypatch):
-    """Assert that each is one sentence, for writing and for reading."""
+    """Assert that unusable directories are refused in one sentence, on writing and reading."""
     monkeypatch.chdir(full.parent)
     Path("file").write_text("")
     Path("empty").mkdir()
@@ -145,7 +145,7 @@ def test_directories_that_cannot_be_used(full, golden, monkeypatch):
 
 
 def no_room(_):
-    """Fail as on a disk that is full."""
+    """Fail like a full disk."""
     raise OSError(errno.ENOSPC, "No space left on device")
 
 
@@ -171,13 +171,13 @@ run_campaign(read_experiment(sys.argv[1]), sys.argv[2])
 
 @pytest.fixture(scope="module")
 def experiment(tmp_path_factory):
-    """The tiny campaign."""
+    """Return the tiny campaign."""
     return read_experiment(write_experiment(tmp_path_factory.mktemp("file") / "tiny.toml"))
 
 
 @pytest.fixture(scope="module")
 def whole(experiment, tmp_path_factory):
-    """Rows of the campaign run at once, on one thread."""
+    """Return the rows of the campaign run at once, on one thread."""
     out = tmp_path_factory.mktemp("whole") / "out"
     run_campaign(experiment, out, workers=1)
     rows = rows_of(out)
@@ -186,7 +186,7 @@ def whole(experiment, tmp_path_factory):
 
 
 def test_threads_of_a_new_process_load_the_kernel_once(experiment, whole, tmp_path):
-    """Assert that four threads that start together, with nothing loaded, leave the same rows."""
+    """Assert that four threads of a new process, without loaded kernels, give the same rows."""
     code = "from flexid.cli.main import main; main()"
     command = [sys.executable, "-c", code, "campaign", experiment.path, "--out", str(tmp_path)]
     subprocess.run([*command, "--workers", "4"], check=True, timeout=300)
@@ -194,7 +194,7 @@ def test_threads_of_a_new_process_load_the_kernel_once(experiment, whole, tmp_pa
 
 
 def test_kill_9_loses_the_part_at_hand_alone(experiment, whole, tmp_path):
-    """Assert that a campaign killed while it writes its third part goes on from the second."""
+    """Assert that a campaign killed while it writes its third part continues after the second."""
     out = tmp_path / "out"
     killed = subprocess.run([sys.executable, "-c", KILLED, experiment.path, str(out)], timeout=300)
     assert killed.returncode == -signal.SIGKILL
@@ -206,7 +206,7 @@ def test_kill_9_loses_the_part_at_hand_alone(experiment, whole, tmp_path):
 
 
 def test_control_c_keeps_what_is_done(tmp_path):
-    """Assert that an interrupt exits 3 with one sentence, and whole parts stay."""
+    """Assert that an interrupt exits with 3 and one sentence, and that whole parts are kept."""
     text = EXPERIMENT.replace("duration = 0.1", "duration = 60.0")
     campaign = "[campaign]\nkind = 'latin-hypercube'\nruns = 2000\nruns_per_part = 2\n"
     campaign += "vary.observer.link = { uniform = [1.0, 2.0] }\n"
@@ -235,7 +235,7 @@ UNIFORM = {
 
 
 def made_up_rows(plan: Plan, runs: range) -> pl.DataFrame:
-    """Return rows whose results are known functions of the inputs; every tenth run diverges."""
+    """Return rows with results computed from the inputs; every tenth run diverges."""
     table = plan.table(runs)
     k, inertia = table["controller.k"].to_numpy(), table["plant.link_inertia"].to_numpy()
     diverged = table["run"].to_numpy() % 10 == 7
@@ -254,7 +254,7 @@ def made_up_rows(plan: Plan, runs: range) -> pl.DataFrame:
 
 
 def write_campaign(out, parts=None):
-    """Write a campaign of made-up rows, or some of its parts."""
+    """Write a campaign of synthetic rows, or some of its parts."""
     plan = make_plan(Variation(kind="sobol", runs=400, vary=UNIFORM), sampled=False)
     manifest = made_manifest(plan, "sobol", 50)
     with open_store(out, manifest) as store:
@@ -264,7 +264,7 @@ def write_campaign(out, parts=None):
 
 
 def test_runs_are_counted_and_their_quantiles_are_of_those_that_finished(tmp_path):
-    """Assert that each run counts once, values of diverged runs never, and NaN as missing."""
+    """Assert that each run counts once, diverged runs have no values, and NaN counts as missing."""
     finished = summarise(write_campaign(tmp_path))
     assert list(finished.statuses.items()) == [("finished", 360), ("diverged", 40)]
     assert (finished.complete, finished.done, finished.finished) == (True, 400, 360)
@@ -276,7 +276,7 @@ def test_runs_are_counted_and_their_quantiles_are_of_those_that_finished(tmp_pat
 
 
 def test_an_unfinished_campaign_is_summarised(tmp_path):
-    """Assert that what is there counts, that a part that is cut is named, and if there is none."""
+    """Assert that an unfinished campaign is summarised, with truncated parts named."""
     some = write_campaign(tmp_path / "some", parts=[0, 3, 4])
     path = some / "runs" / "part-000004.parquet"
     path.write_bytes(path.read_bytes()[:100])

@@ -1,4 +1,4 @@
-"""A campaign on a real Dask cluster: a scheduler and two workers, of which one is killed."""
+"""A campaign on a real Dask cluster with a scheduler and two workers, one of which is killed."""
 
 import os
 import signal
@@ -40,13 +40,13 @@ def start(*arguments, code="from dask.__main__ import main; main()"):
 
 
 def start_worker(address, name, code="from dask.__main__ import main; main()"):
-    """Start a worker with one thread that nobody restarts."""
+    """Start a worker with one thread that is not restarted."""
     options = ("--no-nanny", "--nthreads", 1, "--no-dashboard", "--name", name)
     return start("worker", address, *options, code=code)
 
 
 def wait_for_workers(address, count):
-    """Wait until so many workers are there."""
+    """Wait until this number of workers is connected."""
     from distributed import Client
 
     with Client(address, timeout=60, set_as_default=False) as client:
@@ -56,7 +56,7 @@ def wait_for_workers(address, count):
 
 @pytest.fixture(scope="module")
 def scheduler():
-    """Address of a scheduler on the loopback."""
+    """Return the address of a scheduler on the loopback."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -72,13 +72,13 @@ def scheduler():
 
 @pytest.fixture
 def experiment(tmp_path):
-    """A campaign that takes a second or two."""
+    """Return a campaign that takes a second or two."""
     text = EXPERIMENT.replace("duration = 0.1", "duration = 30.0")
     return read_experiment(write_experiment(tmp_path / "tiny.toml", CAMPAIGN, text))
 
 
 def test_a_killed_worker_changes_no_bit(scheduler, experiment, tmp_path):
-    """Assert that two workers, one of them killed on the way, leave the rows of this machine."""
+    """Assert that two workers, one of them killed in between, give the rows of this machine."""
     workers = [start_worker(scheduler, name) for name in ("one", "two")]
     try:
         wait_for_workers(scheduler, 2)
@@ -103,9 +103,9 @@ def test_a_killed_worker_changes_no_bit(scheduler, experiment, tmp_path):
 
 
 def test_a_scheduler_without_workers_is_one_sentence(scheduler, experiment, tmp_path):
-    """Assert that it says how to start one."""
+    """Assert that a scheduler without workers is refused with the command that starts one."""
     deadline = time.monotonic() + 60
-    while True:  # the workers of another test may take a moment to be gone
+    while True:  # workers of an earlier test may take a moment to end
         with pytest.raises(CampaignError) as refused:
             run_campaign(experiment, tmp_path / "out", scheduler=scheduler)
         if "has no workers" in str(refused.value) or time.monotonic() > deadline:
@@ -116,7 +116,7 @@ def test_a_scheduler_without_workers_is_one_sentence(scheduler, experiment, tmp_
 
 
 def test_workers_of_another_version_are_refused(scheduler, experiment, tmp_path):
-    """Assert that the sentence names the worker and the version."""
+    """Assert that workers of another version are refused, with worker and version."""
     worker = start_worker(scheduler, "other", code=OTHER_VERSION)
     try:
         wait_for_workers(scheduler, 1)
@@ -131,14 +131,14 @@ def test_workers_of_another_version_are_refused(scheduler, experiment, tmp_path)
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "tcp://127.0.0.1", "http://x", "", "::"])
 def test_a_scheduler_that_is_not_there_is_one_sentence(experiment, tmp_path, monkeypatch, address):
-    """Assert that no address ends in a traceback."""
+    """Assert that an address without a scheduler gives one sentence instead of a traceback."""
     monkeypatch.setattr(runner, "_TIMEOUT", 1.0)
     with pytest.raises(CampaignError, match="cannot be reached"):
         run_campaign(experiment, tmp_path / "out", scheduler=address)
 
 
 def test_a_missing_package_is_one_sentence(experiment, tmp_path, monkeypatch):
-    """Assert that it says what to install."""
+    """Assert that a missing package is named with the command that installs it."""
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(SettingError, match=r"pip install 'flexid\[dask\]'"):
         run_campaign(experiment, tmp_path / "out", scheduler="tcp://127.0.0.1:8786")

@@ -1,4 +1,4 @@
-"""Which values every run of a campaign has, and the rows that it makes."""
+"""The values of every run of a campaign, and its rows of results."""
 
 import numpy as np
 import pytest
@@ -17,17 +17,17 @@ NORMAL = Distribution(normal=[5.0, 0.5])
 
 
 def listed(*values):
-    """Return values that are listed."""
+    """Return listed values."""
     return Distribution(values=[float(value) for value in values])
 
 
 def variation(kind, runs, campaign_seed=0, **inputs):
-    """Return what varies."""
+    """Return the variation of some values."""
     return Variation(kind=kind, runs=runs, seed=campaign_seed, vary=inputs)
 
 
 def seeds(runs, campaign_seed=0):
-    """Return the seeds that the runs of a grid are given."""
+    """Return the seeds of the runs of a grid."""
     inputs = {"a": listed(*range(runs))}
     plan = make_plan(variation("grid", runs, campaign_seed, **inputs), sampled=True)
     return plan.table(range(runs))[SEED].to_numpy()
@@ -40,7 +40,7 @@ def test_a_grid_has_every_combination_once():
 
 
 def test_a_latin_hypercube_has_one_run_in_every_slice():
-    """Assert that each of n equally likely slices of an input holds exactly one of n runs."""
+    """Assert that each of n equally likely slices of an input contains exactly one of n runs."""
     plan = make_plan(variation("latin-hypercube", 40, a=UNIFORM, b=LOG_UNIFORM), sampled=False)
     a = (plan.values[:, 0] - 10.0) / 40.0
     b = np.log(plan.values[:, 1] / 1e-6) / np.log(1e4)
@@ -49,14 +49,14 @@ def test_a_latin_hypercube_has_one_run_in_every_slice():
 
 
 def test_a_sobol_plan_goes_on_where_a_shorter_one_ends():
-    """Assert that more runs are the same runs and others behind them, for any number."""
+    """Assert that a longer plan begins with the runs of a shorter one."""
     short = make_plan(variation("sobol", 11, a=UNIFORM, b=NORMAL), sampled=False)
     long = make_plan(variation("sobol", 50, a=UNIFORM, b=NORMAL), sampled=False)
     assert np.array_equal(short.values, long.values[:11])
 
 
 def test_listed_values_are_drawn_alike():
-    """Assert that each of four is the value of a quarter of the runs."""
+    """Assert that each of four listed values occurs in a quarter of the runs."""
     plan = make_plan(variation("sobol", 1024, a=listed(1, 2, 4, 8)), sampled=False)
     values, counts = np.unique(plan.values, return_counts=True)
     assert dict(zip(values, counts, strict=True)) == dict.fromkeys((1.0, 2.0, 4.0, 8.0), 256)
@@ -69,7 +69,7 @@ def test_listed_values_are_drawn_alike():
     st.integers(1, 70),
 )
 def test_a_run_has_its_values_whatever_the_part(kind, runs, seed, size):
-    """Assert that tables of any parts, put together, are the plan, and that values are finite."""
+    """Assert that tables of parts, put together, are the plan, and that values are finite."""
     plan = make_plan(variation(kind, runs, seed, a=UNIFORM, b=NORMAL), sampled=True)
     parts = [plan.table(range(i, min(i + size, runs))) for i in range(0, runs, size)]
     rows = [row for part in parts for row in part.iter_rows()]
@@ -80,7 +80,7 @@ def test_a_run_has_its_values_whatever_the_part(kind, runs, seed, size):
 
 
 def test_every_run_has_a_seed_of_its_own():
-    """Assert that drawn seeds differ between runs and campaigns, not with the number of runs."""
+    """Assert that seeds differ between runs and campaigns, and not with the number of runs."""
     long = seeds(300)
     assert len(np.unique(long)) == 300
     assert long.min() >= 0
@@ -94,7 +94,7 @@ def test_every_run_has_a_seed_of_its_own():
 
 
 def test_another_seed_is_another_plan():
-    """Assert that the digest tells plans apart by seed and by name."""
+    """Assert that digests of plans differ by seed, name and sampling."""
     digests = {
         make_plan(variation("sobol", 8, 0, a=UNIFORM), sampled=False).digest,
         make_plan(variation("sobol", 8, 1, a=UNIFORM), sampled=False).digest,
@@ -119,7 +119,7 @@ def grid(path, values):
 
 
 def test_a_row_is_what_a_single_run_gives(tmp_path):
-    """Assert that gain and noise of each row, set by hand in one run, give the row's results."""
+    """Assert that each row equals a single run with its gain and noise seed."""
     experiment, table = planned(tmp_path, grid("controller.proportional", [20.0, 40.0]))
     rows = part_rows(experiment, table)
     for row in rows.to_dicts():
@@ -134,7 +134,7 @@ def test_a_row_is_what_a_single_run_gives(tmp_path):
 
 
 def test_relative_errors_are_those_of_each_runs_own_truth(tmp_path):
-    """Assert that a varied plant is the measure of its own errors."""
+    """Assert that relative errors refer to each run's own plant."""
     experiment, table = planned(tmp_path, grid("plant.joint_stiffness", [80.0, 120.0]))
     rows = part_rows(experiment, table)
     truth = rows["plant.joint_stiffness"]  # theta2 with a link inertia of 1
@@ -144,7 +144,7 @@ def test_relative_errors_are_those_of_each_runs_own_truth(tmp_path):
 
 
 def test_a_value_that_is_not_allowed_is_a_row(tmp_path):
-    """Assert that a negative noise, drawn from a normal distribution, loses its own run alone."""
+    """Assert that a run with negative noise, drawn from a normal distribution, fails alone."""
     campaign = """
     [campaign]
     kind = "sobol"
@@ -163,7 +163,7 @@ def test_a_value_that_is_not_allowed_is_a_row(tmp_path):
 
 
 def test_an_unexpected_failure_loses_one_run(tmp_path, monkeypatch):
-    """Assert that when a whole ensemble fails, the runs are tried one by one, and bits stay."""
+    """Assert that runs of a failed ensemble are tried singly, with the same bits."""
     experiment, table = planned(tmp_path, grid("observer.link", [1.0, 2.0, 3.0]))
     whole = part_rows(experiment, table)
     simulate = rows_module.simulate_sampled_ensemble
@@ -181,7 +181,7 @@ def test_an_unexpected_failure_loses_one_run(tmp_path, monkeypatch):
 
 
 def test_a_part_stops_when_asked(tmp_path):
-    """Assert that a part gives up between two batches."""
+    """Assert that a part stops between two batches on request."""
     experiment, table = planned(tmp_path, grid("observer.link", [1.0] * 20))
     asked = iter([False, True])
     with pytest.raises(Stopped):

@@ -20,7 +20,7 @@ def write_experiment(path: Path, campaign: str = CAMPAIGN, experiment: str = EXP
 
 
 def made_manifest(plan: Plan, kind: str, runs_per_part: int) -> Manifest:
-    """Return what a directory holds of a plan, of an experiment that there is not."""
+    """Return the manifest of a plan, for an experiment that does not exist."""
     return Manifest(
         flexid="1.0",
         experiment="0123",
@@ -39,7 +39,7 @@ def rows_of(directory: Path) -> pl.DataFrame:
 
 
 def same_bits(one: pl.DataFrame, other: pl.DataFrame) -> bool:
-    """Whether two tables agree to the last bit, NaN included."""
+    """Return whether two tables agree to the last bit, NaN included."""
     return one.schema == other.schema and all(
         np.array_equal(_bits(one[name]), _bits(other[name])) for name in one.columns
     )

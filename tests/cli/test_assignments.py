@@ -1,4 +1,4 @@
-"""Options that hold several values, or a value with something about it."""
+"""Options with several values, or with a value and its uncertainty or limits."""
 
 from functools import partial
 from math import inf
@@ -11,13 +11,13 @@ from flexid.cli.options import parse_bounds, parse_known, parse_number, parse_va
 
 SEED = 2**62 + 1
 READ = [
-    # A value and its standard deviation, in either notation; a sign of an exponent begins none.
+    # A value and its standard deviation, in either notation; not confused with an exponent's sign.
     *(
         (parse_known, [text], {"theta2": (100.0, 5.0)})
         for text in ("theta2=100+-5", "theta2 = 100 ± 5", "theta2 = 100 +/- 5", "theta2=1e2+-5e+0")
     ),
     (parse_known, ["beta1=1e+3", "alpha1=1e-3"], {"beta1": 1000.0, "alpha1": 0.001}),
-    # An end that is left out is infinite.
+    # A missing end is infinite.
     (parse_bounds, ["alpha2=0:"], {"alpha2": (0.0, inf)}),
     (parse_bounds, ["alpha2=:2"], {"alpha2": (-inf, 2.0)}),
     (parse_bounds, ["alpha2= -1e3 : 2 "], {"alpha2": (-1000.0, 2.0)}),
@@ -38,7 +38,7 @@ def test_what_is_read(parse, given, expected):
 REFUSED = [
     *((parse_known, [f"theta2{end}"]) for end in ("", "=", "=a", "=1+-", "=+-1")),
     *((parse_bounds, [text]) for text in ("alpha2", "alpha2=1", "alpha2=a:b", "alpha2=1:2:3")),
-    # A second value does not take the place of the first.
+    # A second value does not replace the first.
     (parse_known, ["beta1=3", "beta1=4"]),
     (parse_bounds, ["beta1=3:", "beta1 = :4"]),
     (parse_number, "soon"),
@@ -46,12 +46,12 @@ REFUSED = [
 
 
 def test_what_is_refused(refusals):
-    """Assert that what is no assignment is refused in the words of the user."""
+    """Assert that an invalid assignment is refused with the text that was typed."""
     refusals({str(given): partial(parse, "--option", given) for parse, given in REFUSED})
 
 
 def test_what_is_typed_is_what_the_library_gets():
-    """Assert that a value like the rounded default of the help is taken as it is typed."""
+    """Assert that a typed value is used as it is, even if it equals the help's rounded default."""
     given = {}
     command: Any = command_line("identify").commands["identify"]
     command.run = lambda _command, options, _flags: given.update(options)

@@ -1,4 +1,4 @@
-"""What a command refuses: exit status 2, one sentence that names the place, and nothing written."""
+"""Refusals of the command line: status 2, one sentence with the place, and no output."""
 
 import shlex
 import shutil
@@ -19,7 +19,7 @@ DAMPED = f'[model]\nterms = ["gravity", "motor_viscous", "joint_damping"]\n{LOOP
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A folder with a good file of each kind, and bad ones."""
+    """Return a folder with a valid file of each kind, and invalid ones."""
     folder = tmp_path_factory.mktemp("refused")
     write_experiment(folder / "tiny.toml")
     write_experiment(folder / "single.toml", campaign="")
@@ -79,7 +79,7 @@ REFUSED = (
 
 @pytest.mark.parametrize(("arguments", "said"), REFUSED, ids=[each for each, _ in REFUSED])
 def test_a_refusal_is_one_sentence(flexid, folder, monkeypatch, arguments, said):
-    """Assert that what is wrong is named in one line, and that no file is left."""
+    """Assert that the error is named in one line, and that no file is written."""
     monkeypatch.chdir(folder)
     outcome = flexid(*shlex.split(arguments))
     assert outcome.status == 2
@@ -100,7 +100,7 @@ def test_a_refusal_is_one_sentence(flexid, folder, monkeypatch, arguments, said)
     ],
 )
 def test_what_is_missing_is_named_as_it_is_typed(flexid, folder, monkeypatch, arguments, said):
-    """Assert that a usage error names what the command line lacks."""
+    """Assert that a usage error names the missing argument."""
     monkeypatch.chdir(folder)
     outcome = flexid(*shlex.split(arguments))
     assert (outcome.status, outcome.stdout) == (2, "")

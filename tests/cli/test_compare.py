@@ -1,4 +1,4 @@
-"""`flexid compare`: what it prints, writes and exits with, and what it refuses."""
+"""`flexid compare`: output, files, exit status and refusals."""
 
 import json
 from pathlib import Path
@@ -13,7 +13,7 @@ from made_estimates import STIFFER, TRUE, drawn, exact, with_parameter
 
 
 def stored(folder: Path, estimate) -> Path:
-    """A folder as `flexid identify --out` leaves it."""
+    """Return a folder as written by `flexid identify --out`."""
     folder.mkdir()
     (folder / "estimate.json").write_text(to_json(estimate_document(estimate)))
     return folder
@@ -21,13 +21,13 @@ def stored(folder: Path, estimate) -> Path:
 
 @pytest.fixture
 def folders(tmp_path):
-    """One drive twice, and one that is stiffer."""
+    """Return folders of one drive twice, and of a stiffer one."""
     trues = {"before": TRUE, "again": TRUE, "after": STIFFER}
     return {name: stored(tmp_path / name, exact(true, name)) for name, true in trues.items()}
 
 
 def test_a_change_is_status_1(flexid, folders):
-    """Assert that one drive twice exits 0, and that a stiffer one is named, with its change."""
+    """Assert that one drive twice exits with 0, and that a changed stiffness is named."""
     outcome = flexid("compare", folders["before"], folders["again"])
     assert (outcome.status, outcome.stderr) == (0, "")
     assert "No change was found in 5 numbers" in outcome.stdout
@@ -38,7 +38,7 @@ def test_a_change_is_status_1(flexid, folders):
 
 
 def test_documents_agree(flexid, folders, tmp_path):
-    """Assert that what is printed as JSON, written and returned by the library is one document."""
+    """Assert that the printed, written and returned JSON documents are equal."""
     pair = folders["before"], folders["after"]
     printed = json.loads(flexid("compare", *pair, "--json").stdout)
     flexid("compare", *pair, "--out", tmp_path / "out")
@@ -56,7 +56,7 @@ def test_documents_agree(flexid, folders, tmp_path):
 
 
 def test_the_library_takes_whatever_holds_an_estimate(folders):
-    """Assert that estimates, folders, files and documents give one answer."""
+    """Assert that estimates, folders, files and documents give the same comparison."""
     file = folders["before"] / "estimate.json"
     other = library.load(folders["after"])
     forms = (library.load(file), folders["before"], str(file), json.loads(file.read_text()))
@@ -71,7 +71,7 @@ def test_the_library_takes_whatever_holds_an_estimate(folders):
 
 
 def test_what_is_not_determined_is_status_1(flexid, folders, tmp_path):
-    """Assert that a number that one log leaves open is no agreement."""
+    """Assert that a value undetermined in one log prevents agreement."""
     rng = np.random.default_rng(3)
     infinite = {"std": np.inf, "interval": (-np.inf, np.inf), "verdict": "undetermined"}
     vague = with_parameter(drawn(rng), "joint_stiffness", reason="nothing on it", **infinite)

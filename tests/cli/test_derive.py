@@ -5,7 +5,7 @@ from pathlib import Path
 
 
 def test_notes_are_on_stderr(flexid, examples: Path):
-    """Assert that u' that is needed, and what is integrated numerically, are said, in JSON too."""
+    """Assert that a required u' and numerical integrals are noted on stderr, with JSON too."""
     done = flexid("derive", "flexible-joint", "--unknown-input-gain", "--to", "c")
     assert done.status == 0
     assert "u_rate" in done.stderr
@@ -22,7 +22,7 @@ def test_notes_are_on_stderr(flexid, examples: Path):
 
 
 def test_exported_files_are_listed(flexid, tmp_path: Path):
-    """Assert that --json names the files that were written."""
+    """Assert that --json lists the written files."""
     options = ("--to", "c99", "--sample-time", "0.001", "--out", str(tmp_path), "--json")
     done = flexid("export", "flexible-joint", *options)
     assert done.status == 0, done.stderr

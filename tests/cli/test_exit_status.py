@@ -1,4 +1,4 @@
-"""What the exit status says, and what is left behind."""
+"""Exit status of commands, and files left after failures."""
 
 import os
 import signal
@@ -17,7 +17,7 @@ RUN = "from flexid.cli.main import main; main()"
 
 
 def start(*arguments, code=RUN, **keywords):
-    """Start the command in a process of its own."""
+    """Start the command in its own process."""
     return subprocess.Popen(
         [sys.executable, "-c", code, *map(str, arguments)],
         stdout=subprocess.PIPE,
@@ -40,7 +40,7 @@ def start(*arguments, code=RUN, **keywords):
 def test_the_worst_verdict_decides(
     flexid, monkeypatch, examples, example_estimate, verdict, options, status
 ):
-    """Assert that one weak parameter counts with --strict only, and an undetermined one always."""
+    """Assert that a weak parameter counts with --strict only, and an undetermined one always."""
     from flexid.identification import identify as module
 
     found = example_estimate.result
@@ -54,7 +54,7 @@ def test_the_worst_verdict_decides(
     ("error", "options", "status", "begins", "ends"),
     [
         (ConvergenceError("a fit", "check it"), (), 1, "flexid: a fit: check it\n", "check it"),
-        # An unforeseen error has a paragraph that says how to see it whole.
+        # An unexpected error has a paragraph on how to see its traceback.
         (KeyError("oh"), (), 70, "flexid: ", "flexid --debug identify"),
         (KeyError("oh"), ("--debug",), 70, "Traceback", "KeyError: 'oh'"),
     ],
@@ -62,7 +62,7 @@ def test_the_worst_verdict_decides(
 def test_what_fails_is_the_datas_or_a_defect(
     flexid, monkeypatch, examples, error, options, status, begins, ends
 ):
-    """Assert that a log that cannot be fitted exits 1 with one sentence, and a defect with 70."""
+    """Assert that an unsuitable log exits with 1 and one sentence, and a defect with 70."""
     from flexid.identification import identify as module
 
     def fail(*_):
@@ -77,7 +77,7 @@ def test_what_fails_is_the_datas_or_a_defect(
 
 
 def test_the_status_of_an_interruption_is_one():
-    """Assert that what is said before the commands are loaded is what they say."""
+    """Assert that the status of an early interruption equals that of a later one."""
     assert ExitStatus.INTERRUPTED == _INTERRUPTED
 
 
@@ -100,7 +100,7 @@ main()
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_an_interruption_leaves_nothing_behind(tmp_path: Path, name: str):
-    """Assert that Ctrl-C, SIGTERM and SIGHUP exit 3, say so, and leave no half file."""
+    """Assert that Ctrl-C, SIGTERM and SIGHUP exit with 3 and a message, without partial files."""
     out = tmp_path / "results"
     out.mkdir()
     process = start("reproduce", "--out", out, code=SLOW)
@@ -129,7 +129,7 @@ module.main()
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 @pytest.mark.parametrize("loading", ["flexid.cli.commands", "click", "click.core", "flexid.errors"])
 def test_an_interruption_while_the_commands_are_loaded(loading: str):
-    """Assert that Ctrl-C in the first moments is answered like any other."""
+    """Assert that Ctrl-C during start-up is handled like a later one."""
     process = start(loading, code=EARLY)
     _, said = process.communicate(timeout=60)
     assert process.returncode == 3, said
@@ -138,20 +138,20 @@ def test_an_interruption_while_the_commands_are_loaded(loading: str):
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes that close")
 def test_a_reader_that_has_seen_enough_is_no_error():
-    """Assert that the answer's status stands where its reader closes the pipe."""
+    """Assert that the exit status is unchanged if the reader closes the pipe."""
     with start("reproduce") as process:
         assert process.stdout is not None
         assert process.stderr is not None
         process.stdout.close()
         said = process.stderr.read()
-    lines = [line for line in said.splitlines() if not line.startswith("Compiling")]  # once
+    lines = [line for line in said.splitlines() if not line.startswith("Compiling")]  # printed once
     assert lines == []
     assert process.returncode == 0
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 def test_nohup_is_respected():
-    """Assert that a command that is to outlive its terminal does."""
+    """Assert that a command that ignores SIGHUP continues without its terminal."""
     code = (
         "import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN)\n"
         "from flexid.cli import commands, main\n"

@@ -18,7 +18,7 @@ SHORT = ("--set", "run.duration=1")
 
 
 def test_run_is_written_whole(flexid: Callable, tmp_path: Path):
-    """Assert that series, summary and figures appear, and --json prints what tells the series."""
+    """Assert that series, summary and figures are written, and that --json prints a summary."""
     out = tmp_path / "run"
     asked = ("--csv", "--json", "--set", "controller.k=40")
     outcome = flexid("simulate", TABLE1, "--out", out, *SHORT, *asked)
@@ -43,7 +43,7 @@ def test_run_is_written_whole(flexid: Callable, tmp_path: Path):
 
 
 def test_divergence_says_what_and_when(flexid: Callable, tmp_path: Path):
-    """Assert that a loop that cannot be integrated exits 1 with a time and leaves no files."""
+    """Assert that a diverging loop exits with 1 and a time, and leaves no files."""
     out = tmp_path / "run"
     steps = ("--set", "run.maximum_steps=100")
     outcome = flexid("simulate", TABLE1, "--out", out, *steps)
@@ -56,12 +56,12 @@ def test_divergence_says_what_and_when(flexid: Callable, tmp_path: Path):
 
 @pytest.fixture
 def tiny(tmp_path):
-    """The tiny campaign."""
+    """Return the tiny campaign."""
     return write_experiment(tmp_path / "tiny.toml")
 
 
 def test_a_campaign_is_run_and_summarised(flexid, tiny, tmp_path):
-    """Assert that the command says what became of the runs, and the summary what they tell."""
+    """Assert that the command prints the counts of runs, and the summary their results."""
     out = tmp_path / "out"
     run = flexid("campaign", tiny, "--out", out)
     assert (run.status, run.stderr) == (0, "")
@@ -77,7 +77,7 @@ def test_a_campaign_is_run_and_summarised(flexid, tiny, tmp_path):
 
 
 def test_a_campaign_in_which_nothing_finishes(flexid, tmp_path):
-    """Assert that the campaign is done, and that its summary exits 1 and says why."""
+    """Assert that a campaign without a finished run is done, and that its summary exits with 1."""
     campaign = '[campaign]\nkind = "grid"\nvary.controller.derivative = [1e9, 2e9]\n'
     text = EXPERIMENT.replace("duration = 0.1", "duration = 1.0")
     path = write_experiment(tmp_path / "tiny.toml", campaign, text)
@@ -90,7 +90,7 @@ def test_a_campaign_in_which_nothing_finishes(flexid, tmp_path):
 
 
 def test_the_paper_is_reproduced(flexid, reproduction, tmp_path, monkeypatch):
-    """Assert that figures, page and result are written, and --json prints that and nothing else."""
+    """Assert that figures, page and result are written, and that --json prints the result alone."""
     monkeypatch.setattr("flexid.studies.reproduction.reproduce", lambda _: reproduction)
     out = tmp_path / "new" / "directory"
     run = flexid("reproduce", "--json", "--out", out)

@@ -1,4 +1,4 @@
-"""Help and completion: whole sentences, examples that parse; and what a command loads."""
+"""Help and completion: whole sentences and valid examples; modules that a command loads."""
 
 import os
 import re
@@ -17,7 +17,7 @@ COMMANDS = sorted(GROUP.commands)
 
 
 def test_no_summary_is_cut(flexid):
-    """Assert that each command stands in the list with its whole first sentence."""
+    """Assert that the list of commands shows whole first sentences."""
     page = flexid("--help").stdout
     assert "..." not in page.replace("[ARGS]...", "")
     for name in COMMANDS:
@@ -27,7 +27,7 @@ def test_no_summary_is_cut(flexid):
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_of_a_command(flexid, command):
-    """Assert that -h shows examples, the exit status, and no Python types, within 80 columns."""
+    """Assert that -h shows examples, exit status and no Python types, within 80 columns."""
     page = flexid(command, "-h").stdout
     assert page == flexid(command, "--help").stdout
     assert "Examples:\n    flexid" in page
@@ -45,7 +45,7 @@ def examples():
 
 @pytest.mark.parametrize("example", [*examples()])
 def test_examples_are_accepted(example, tmp_path, monkeypatch):
-    """Assert that the command line takes every example of its help."""
+    """Assert that every example in the help is a valid command line."""
     monkeypatch.chdir(tmp_path)
     name, *arguments = example.split()
     command = GROUP.commands[name]
@@ -54,7 +54,7 @@ def test_examples_are_accepted(example, tmp_path, monkeypatch):
 
 
 def test_a_command_loads_no_other():
-    """Assert that a command is read without the modules of the others."""
+    """Assert that a command does not load the modules of other commands."""
     code = (
         "import sys; from flexid.cli.main import main; sys.argv = ['flexid', 'derive', 'x.toml']\n"
         "try: main()\nexcept SystemExit: print('flexid.library.identify' in sys.modules)"
@@ -63,8 +63,8 @@ def test_a_command_loads_no_other():
     assert done.stdout == "False\n"
 
 
-# What takes a quarter of a second or more to import, and a log in SI units with kernels at hand
-# does not need.
+# Packages that take a quarter of a second or more to import, and that a log in SI units with
+# existing kernels does not need.
 HEAVY = ["sympy", "matplotlib"]
 HEAVY += ["scipy.interpolate", "scipy.optimize", "scipy.signal", "scipy.stats"]
 IDENTIFY = f"""
@@ -79,9 +79,9 @@ print([name for name in {HEAVY} if name in sys.modules], file=sys.stderr)
 
 
 def test_identification_starts_light(examples: Path, flexid):
-    """Assert that a second identification imports none of the packages that are slow to start."""
+    """Assert that a second identification imports no slow package."""
     command = [sys.executable, "-c", IDENTIFY, "identify", str(examples / "flexible_joint.csv")]
-    assert flexid(*command[3:]).status == 0  # there may be kernels to make
+    assert flexid(*command[3:]).status == 0  # kernels may be missing
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stderr.splitlines()[-1] == "[]"
 
@@ -94,7 +94,7 @@ def test_terms_are_listed(flexid):
 
 @pytest.mark.parametrize("text", ["What it is. As `flexid.read_log` takes it.", "What it is."])
 def test_what_only_python_has_is_not_in_the_help(text):
-    """Assert that sentences with names of Python are left out, and the others kept."""
+    """Assert that sentences with names of Python are omitted from the help."""
     assert sentences(text) == "What it is."
 
 

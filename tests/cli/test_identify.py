@@ -14,7 +14,7 @@ PAPER += ("motor_viscous_friction",)
 
 
 def test_example_recovers_the_truth(flexid, examples, tmp_path):
-    """Assert that every value is true and determined (of ten intervals one may miss), and files."""
+    """Assert right and determined values (one of ten intervals may miss), and the files."""
     outcome = flexid("identify", examples / "flexible_joint.csv", "--out", tmp_path / "out")
     assert outcome.status == 0, outcome.stderr
     assert all(name in outcome.stdout for name in (*PAPER, *TRUE))
@@ -46,7 +46,7 @@ def test_example_recovers_the_truth(flexid, examples, tmp_path):
 
 
 def test_small_single_sine_is_undetermined(flexid, tmp_path):
-    """Assert that a log with gravity and stiffness confused exits 1, and that no value is wrong."""
+    """Assert that a log that confounds gravity and stiffness exits with 1, without wrong values."""
     log = write_log(tmp_path / "small.csv", *steady_sine(0.1, 5.0, sample_time=FINE))
     outcome = flexid("identify", log, "--json", "--out", tmp_path / "out")
     assert outcome.status == 1
@@ -61,7 +61,7 @@ def test_small_single_sine_is_undetermined(flexid, tmp_path):
 
 
 def test_motion_alone_gives_the_link(flexid, examples, tmp_path):
-    """Assert that a log without a torque leaves a table, a document and figures of the link."""
+    """Assert that a log without a torque gives table, document and figures of the link."""
     log, path = examples / "flexible_joint.csv", tmp_path / "motion.csv"
     pl.read_csv(log).drop("motor_torque [N m]").write_csv(path)
     outcome = flexid("identify", path, "--out", tmp_path / "out", "--explain")

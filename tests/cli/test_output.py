@@ -1,4 +1,4 @@
-"""How an answer leaves a command: on a full disk, unheard, and where there is no Greek."""
+"""Output of commands: on a full disk, to a closed stream, and on terminals without Greek."""
 
 import io
 import json
@@ -26,7 +26,7 @@ main()
 
 @pytest.mark.skipif(not FULL.exists(), reason="no device that is always full")
 def test_full_disk_is_one_sentence():
-    """Assert that output that cannot be written exits 2 with one line."""
+    """Assert that output to a full disk exits with 2 and one line."""
     with FULL.open("w") as full:
         outcome = subprocess.run(
             [sys.executable, "-m", "flexid", "--help"],
@@ -44,7 +44,7 @@ def test_full_disk_is_one_sentence():
 @pytest.mark.skipif(os.name != "posix", reason="a shell that closes streams")
 @pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
 def test_a_closed_stream_is_no_defect(closed: str):
-    """Assert that a command works where nobody listens."""
+    """Assert that a command works with a closed stream."""
     command = f'"{sys.executable}" -m flexid derive flexible-joint {closed}'
     done = subprocess.run(command, shell=True, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
@@ -52,11 +52,11 @@ def test_a_closed_stream_is_no_defect(closed: str):
 
 @pytest.mark.skipif(os.name != "posix", reason="limits of processes")
 def test_a_full_disk_loses_no_result(examples, tmp_path, flexid):
-    """Assert that what cannot be written is printed all the same, and said in one sentence."""
+    """Assert that results are printed though files cannot be written, with one sentence."""
     log, out = tmp_path / "short.csv", tmp_path / "results"
     lines = (examples / "flexible_joint.csv").read_text().splitlines(keepends=True)
     log.write_text("".join(lines[:3000]))
-    assert flexid("identify", log).status == 0  # there may be kernels to make
+    assert flexid("identify", log).status == 0  # kernels may be missing
     out.mkdir()
     command = [sys.executable, "-c", LITTLE_ROOM, "identify", log, "--out", out]
     done = subprocess.run(command, capture_output=True, text=True)
@@ -68,7 +68,7 @@ def test_a_full_disk_loses_no_result(examples, tmp_path, flexid):
 
 
 class Failing(Answer):
-    """An answer that cannot be printed, or cannot be written."""
+    """An answer that fails on printing or on writing."""
 
     def __init__(self, failing):
         super().__init__(result=None)
@@ -76,7 +76,7 @@ class Failing(Answer):
         self.taken = []
 
     def step(self, name):
-        """Take note, and fail if it is this step's turn."""
+        """Record the step, and fail if it is the chosen one."""
         self.taken.append(name)
         if name == self.failing:
             raise OSError("no room")
@@ -91,7 +91,7 @@ class Failing(Answer):
 
 @pytest.mark.parametrize("failing", ["show", "write"])
 def test_what_fails_does_not_keep_the_rest(tmp_path, failing):
-    """Assert that files are written though nothing can be printed, and the other way round."""
+    """Assert that files are written if printing fails, and the reverse."""
     answer = Failing(failing)
     with pytest.raises(OSError, match="no room"):
         generated.hand_over(answer, {"json": False, "out": tmp_path}, tmp_path, Console(), "")
@@ -100,7 +100,7 @@ def test_what_fails_does_not_keep_the_rest(tmp_path, failing):
 
 @pytest.fixture(params=["ascii", "cp1252"])
 def printed(request, monkeypatch):
-    """Return a function that gives what is printed on a terminal without Greek."""
+    """Return a function that returns the output on a terminal without Greek letters."""
 
     def by(printing):
         raw = io.BytesIO()
@@ -115,7 +115,7 @@ def printed(request, monkeypatch):
 
 
 def test_json_without_greek_is_the_same(printed):
-    """Assert that JSON says the same whatever the terminal can show."""
+    """Assert that JSON does not depend on the terminal's characters."""
     document = {"name": "θ₁ ± é", "value": 1.5}
     assert json.loads(printed(lambda: generated.print_document(document))) == document
 
@@ -125,7 +125,7 @@ def test_json_without_greek_is_the_same(printed):
     [(3, "--explain", 3), (5, "--explain", 4), (5, "", 5), (0, "--explain", 0)],
 )
 def test_three_warnings_are_printed(count, rest, lines):
-    """Assert that of many warnings the first three stand there, and where the others are."""
+    """Assert that the first three of many warnings are printed, with the place of the others."""
     written = io.StringIO()
     console = Console(file=written)
     generated.print_warnings([f"w{number}" for number in range(count)], console, rest)

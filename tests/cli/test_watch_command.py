@@ -1,4 +1,4 @@
-"""``flexid watch`` as a process: reports, damage, Ctrl-C."""
+"""``flexid watch`` as a process: reports, damaged logs, Ctrl-C."""
 
 import json
 import signal
@@ -16,23 +16,23 @@ PAPER = ("--terms", "gravity,motor_viscous", "--hold", "linear")
 
 
 def command(*arguments: str) -> list[str]:
-    """A command line."""
+    """Return the command line."""
     return [sys.executable, "-m", "flexid", "watch", *arguments]
 
 
 def run(*arguments: str, text: str = "") -> subprocess.CompletedProcess[str]:
-    """Run it to its end."""
+    """Run the command to its end."""
     return subprocess.run(command(*arguments), capture_output=True, text=True, input=text)
 
 
 def test_a_log_is_watched_to_its_end(tmp_path: Path):
-    """Assert that the last report holds the truth that made the example, and exits with 0."""
+    """Assert that the last report covers the example's true values, with status 0."""
     out = tmp_path / "out"
     done = run(str(LOG), "--stop-at-end", "--json", "--out", str(out), *PAPER)
     assert (done.returncode, done.stderr) == (0, "")
     reports = [json.loads(line) for line in done.stdout.splitlines()]
     assert json.loads((out / "watch.json").read_text()) == reports[-1]
-    assert len(reports) == 31  # one a second, and the last
+    assert len(reports) == 31  # one per second, and the last
     assert reports[0]["health"] == "converging"
     assert reports[-1]["health"] == "converged"
     low, high = reports[-1]["parameters"]["joint_stiffness"]["interval"]
@@ -43,12 +43,12 @@ def test_a_log_is_watched_to_its_end(tmp_path: Path):
 def test_a_log_that_is_damaged_in_the_middle(
     tmp_path: Path, flexid, monkeypatch: pytest.MonkeyPatch
 ):
-    """Assert that what was learnt before is reported, and then the place is said."""
+    """Assert that a damaged log is reported up to the damage, and then refused with the place."""
     log = tmp_path / "log.parquet"
     pl.read_csv(LOG).write_parquet(log, row_group_size=1000)
     raw = bytearray(log.read_bytes())
     place = 2 * len(raw) // 3
-    raw[place : place + 5000] = b"\xff" * 5000  # more than a page
+    raw[place : place + 5000] = b"\xff" * 5000  # longer than a page
     log.write_bytes(raw)
     monkeypatch.setattr(incoming, "BLOCK", 1000)
     outcome = flexid("watch", log, "--stop-at-end", "--json", *PAPER)
@@ -59,7 +59,7 @@ def test_a_log_that_is_damaged_in_the_middle(
 
 
 def test_ctrl_c_leaves_a_report(tmp_path: Path):
-    """Assert that an interrupted watch reports what it knows, and exits with 3."""
+    """Assert that an interrupted watch reports its estimate, and exits with 3."""
     growing = tmp_path / "log.csv"
     growing.write_text("\n".join(LOG.read_text().splitlines()[:5001]) + "\n")
     with subprocess.Popen(
@@ -80,7 +80,7 @@ def test_ctrl_c_leaves_a_report(tmp_path: Path):
 
 
 def test_a_drive_that_does_not_move_exits_with_1():
-    """Assert that an estimate that has not converged is not called done."""
+    """Assert that an estimate that has not converged exits with 1."""
     rows = (f"{k / 1000},{1e-4 * (k % 3)},{1e-4 * (k % 2)},{0.1}" for k in range(3000))
     header = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"
     done = run("-", *PAPER, text="\n".join([header, *rows]))

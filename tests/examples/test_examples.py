@@ -1,4 +1,4 @@
-"""The examples: a log that is what its script says, the library, and a raw log."""
+"""The examples: the script and its log, the library, and a raw log."""
 
 import importlib.util
 import runpy
@@ -18,7 +18,7 @@ from made_estimates import TRUE
 
 @pytest.mark.thorough
 def test_the_example_runs(examples, tmp_path, monkeypatch, capsys):
-    """Assert that it finds the joint, predicts it, and leaves what it promises."""
+    """Assert that the example identifies the joint, validates it, and writes its files."""
     script = examples / "library.py"
     arguments = [str(script), str(examples / "flexible_joint.csv"), str(tmp_path)]
     monkeypatch.setattr(sys, "argv", arguments)
@@ -31,7 +31,7 @@ def test_the_example_runs(examples, tmp_path, monkeypatch, capsys):
 
 
 def test_a_bad_log_ends_it_with_a_sentence(examples, tmp_path):
-    """Assert that one clause catches what may go wrong."""
+    """Assert that one except clause catches all errors of a bad log."""
     main = runpy.run_path(str(examples / "library.py"))["main"]
     with pytest.raises(SystemExit, match="no such file"):
         main(tmp_path / "missing.csv", tmp_path)
@@ -58,7 +58,7 @@ def committed(examples: Path) -> NDArray[np.float64]:
 def test_committed_log_is_what_the_script_makes(
     script: ModuleType, committed: NDArray[np.float64]
 ) -> None:
-    """Assert that the log is remade: same times and torques, angles within two counts."""
+    """Assert that the script reproduces the log: times and torques, angles within two counts."""
     remade = script.log()
     assert remade.shape == committed.shape
     np.testing.assert_allclose(remade[:, [0, 3]], committed[:, [0, 3]], rtol=0, atol=1e-9)
@@ -67,7 +67,7 @@ def test_committed_log_is_what_the_script_makes(
 
 
 def test_truth_is_table_1(script: ModuleType, examples: Path) -> None:
-    """Assert that the committed truth is the script's, and Table I with its coefficients."""
+    """Assert that the committed truth equals the script's, and Table I with its coefficients."""
     text = (examples / "flexible_joint_truth.toml").read_text(encoding="utf-8")
     assert text == script.truth()
     truth = tomllib.loads(text)
@@ -78,7 +78,7 @@ def test_truth_is_table_1(script: ModuleType, examples: Path) -> None:
 
 
 def test_the_column_map_undoes_what_the_logger_did(examples, tmp_path, monkeypatch):
-    """Assert that counts, gear and units come back, and that the link alone is two samples late."""
+    """Assert that the map reverts counts and gear, and that only the link has a delay."""
     time = 1e-3 * np.arange(400)
     link, motor = 0.3 * np.sin(9.0 * time), 0.31 * np.sin(9.0 * time)
     torque = 40.0 * np.cos(9.0 * time)

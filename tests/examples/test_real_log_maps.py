@@ -1,4 +1,4 @@
-"""The pages about real logs: publishers' files become logs, and column maps read them."""
+"""Pages on real logs: conversion of publishers' files, and column maps."""
 
 import hashlib
 import re
@@ -15,7 +15,7 @@ from flexid.recording.read import read_log
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "real-logs.md"
-LOGS = {  # column map, samples, sample time in s, unit of the input, and what is warned of
+LOGS = {  # column map, samples, sample time in s, unit of the input, and the warnings
     "ist-flexible-arm/ist_square_1p5V.csv": ("columns_voltage_arm.toml", 2001, 0.01, "V", ""),
     "dfki-pendulum/ddp.csv": ("columns_pendulum.toml", 3000, 0.002, "N m", "no link_position"),
     "kr300/kr300_A.csv": ("columns_kuka_axis_1.toml", 2501, 0.004, "N m", ""),
@@ -25,7 +25,7 @@ LOGS = {  # column map, samples, sample time in s, unit of the input, and what i
 
 @pytest.mark.parametrize("name", LOGS)
 def test_a_page_s_column_map_reads_its_log(shared_data, examples, name):
-    """Assert that the log is the one whose digest the page shows, and that all of it is read."""
+    """Assert that the log has the digest shown on the page, and that all of it is read."""
     columns, count, sample_time, unit, words = LOGS[name]
     path = shared_data / name
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -50,13 +50,13 @@ FIELDS = (
 
 
 def convert(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> None:
-    """Run the script as a shell would."""
+    """Run the script as from a shell."""
     monkeypatch.setattr(sys, "argv", [str(SCRIPT), *map(str, arguments)])
     runpy.run_path(str(SCRIPT), run_name="__main__")
 
 
 def write_arm(path: Path, columns: pl.DataFrame) -> None:
-    """Write a scope of Simulink as MATLAB saves it."""
+    """Write a Simulink scope as MATLAB saves it."""
     values = columns.select("u_V", "pot_V", "strain_V").to_numpy()
     signals = {"values": values, "dimensions": 3.0, "label": "scope"}
     scope = {"time": columns["t_s"].to_numpy()[:, None], "signals": signals, "blockName": "x"}
@@ -64,7 +64,7 @@ def write_arm(path: Path, columns: pl.DataFrame) -> None:
 
 
 def write_kuka(path: Path, columns: pl.DataFrame) -> None:
-    """Write a structure of six axes, of which three have an encoder on the link."""
+    """Write a structure of six axes, three of which have a link encoder."""
     rows = columns.drop("t_s").to_numpy().T.reshape(3, 5, -1)
     axes = np.concatenate([rows, np.zeros_like(rows)])
     savemat(path, {"rec": {field: axes[:, k] for k, field in enumerate(FIELDS)}})
@@ -86,7 +86,7 @@ def test_real_logs(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Assert that the publisher's structure gives the log, with the digest that the page names."""
+    """Assert that the publisher's structure gives the log with the digest on the page."""
     columns = pl.read_csv(shared_data / log, infer_schema_length=None)
     write = write_arm if kind == "ist-arm" else write_kuka
     write(tmp_path / "log.mat", columns.cast(pl.Float64))

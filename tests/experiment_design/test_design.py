@@ -1,4 +1,4 @@
-"""A designed experiment on Table I's joint: better than others, within limits, as predicted."""
+"""A designed experiment for Table I's joint: its errors, limits and predictions."""
 
 import json
 from dataclasses import replace
@@ -30,7 +30,7 @@ SEEDS = 40
 
 @pytest.fixture(scope="module")
 def designed(examples) -> Design:
-    """The design of a short experiment of few tones for the example drive."""
+    """Return the design of a short experiment with few tones for the example drive."""
     file = read_drive(examples / "drive.toml")
     short = {"duration": 6.0, "sample_time": 0.002, "harmonics": 6}
     experiment = file.drive.experiment.model_copy(update=short)
@@ -39,7 +39,7 @@ def designed(examples) -> Design:
 
 
 def test_beats_the_papers_motion_at_equal_torque(designed):
-    """Assert that criterion and worst deviation are smaller than of the paper's steady sine."""
+    """Assert a better criterion and worst standard error than those of the paper's steady sine."""
     peak, duration = designed.prediction.peaks["torque"], designed.drive.experiment.duration
 
     def too_much(amplitude):
@@ -55,14 +55,14 @@ def test_beats_the_papers_motion_at_equal_torque(designed):
 
 
 def test_limits_hold_on_wrong_drives(designed):
-    """Assert that no wrong drive exceeds a limit, and that the tightest one is used."""
+    """Assert that no perturbed drive exceeds a limit, and that the tightest limit is reached."""
     uses = [extreme.value for extreme in designed.largest_use.values()]
     assert max(uses) <= 1.0
     assert max(uses) > 0.9
 
 
 def test_errors_of_a_fit_are_as_predicted(designed, tmp_path):
-    """Assert that what the drive plays from the file, seen with noise, is fitted as predicted."""
+    """Assert that fits to noisy runs of the designed input have the predicted errors."""
     save_command(designed, tmp_path)
     table = pl.read_csv(tmp_path / "command.csv")
     torque = table["motor_torque [N m]"].to_numpy()
@@ -79,12 +79,12 @@ def test_errors_of_a_fit_are_as_predicted(designed, tmp_path):
         errors.append(fit.values / case.values - 1.0)
     scatter = np.sqrt(np.mean(np.square(errors), axis=0))
     predicted = np.array([designed.prediction.deviations[name] for name in case.coefficients])
-    # The root mean square of 40 draws scatters by 11 %.
+    # The root mean square of 40 draws has a standard error of 11 %.
     np.testing.assert_allclose(scatter / predicted, 1.0, atol=0.4)
 
 
 def test_command_writes_what_it_promises(flexid, tiny_drive, tmp_path):
-    """Assert that the command prints within the page and leaves files, other ones by the seed."""
+    """Assert that the command prints within the page and writes files, which depend on the seed."""
     outcome = flexid("design", tiny_drive, "--out", tmp_path)
     assert outcome.status == 0, outcome.stderr
     assert max(map(len, outcome.stdout.splitlines())) <= 80
@@ -99,7 +99,7 @@ def test_command_writes_what_it_promises(flexid, tiny_drive, tmp_path):
 
 
 def test_limits_that_leave_nothing(flexid, tiny_drive, tmp_path):
-    """Assert that limits no motion can keep to are one sentence and status 2."""
+    """Assert that limits which allow no motion give one sentence and status 2."""
     offset = "motor_viscous_friction = 0.1\nmotor_offset_torque = 4.9"
     text = tiny_drive.read_text().replace("motor_viscous_friction = 0.1", offset)
     path = tmp_path / "offset.toml"
@@ -111,7 +111,7 @@ def test_limits_that_leave_nothing(flexid, tiny_drive, tmp_path):
 
 
 def test_a_drive_too_small_to_tell(flexid, tiny_drive, tmp_path):
-    """Assert that a design that does not determine every coefficient says so by status 1."""
+    """Assert that a design that does not determine every coefficient exits with 1."""
     text = tiny_drive.read_text().replace("position_noise = 1e-4", "position_noise = 0.3")
     path = tmp_path / "noisy.toml"
     path.write_text(text)
@@ -120,7 +120,7 @@ def test_a_drive_too_small_to_tell(flexid, tiny_drive, tmp_path):
 
 @pytest.mark.parametrize("offsets", [(), ("link_offset", "motor_offset")])
 def test_a_drive_rests_where_its_model_does(offsets):
-    """Assert that nothing moves from rest, wherever gravity's zero is and constant torques pull."""
+    """Assert that a drive at rest stays at rest, for any angle of gravity and constant torques."""
     joint = flexible_joint(("gravity", "gravity_cosine", "motor_viscous", *offsets))
     values = {"theta1": 5.0, "theta_cosine": 2.0, "theta2": 100.0, "alpha1": 300.0, "alpha2": 0.3}
     values |= {"beta1": 3.3, "theta_offset": 1.3, "alpha_offset": -2.0}
@@ -135,14 +135,14 @@ WEIGHTS = np.random.default_rng(1).standard_normal(12)
 
 
 def test_begins_and_ends_at_rest():
-    """Assert that signal and rate vanish at both ends, and do not in between."""
+    """Assert that signal and rate vanish at both ends, and not in between."""
     signal = TONES.signal(WEIGHTS)
     for values, none in ((signal, 1e-12), (np.diff(signal), 1e-3)):
         assert np.abs(values[[0, -1]]).max() < none * np.abs(values).max()
 
 
 def test_tones_are_whole_periods():
-    """Assert that all tones differ, fit the experiment and reach the highest frequency asked."""
+    """Assert that tones differ, have whole periods, and reach the highest requested frequency."""
     periods = TONES.angular_frequencies * 5.0 / (2 * np.pi)
     np.testing.assert_allclose(periods, np.rint(periods), atol=1e-9)
     assert len(np.unique(np.rint(periods))) == 6
@@ -159,13 +159,13 @@ def test_e_is_the_worst_direction():
 
 
 def test_nothing_known_is_infinite_but_searchable():
-    """Assert that a singular matrix determines nothing, and that the search still sees a number."""
+    """Assert that a singular matrix has infinite errors, and a finite cost for the search."""
     singular = np.diag([1.0, 0.0])
     assert np.isinf(deviation(singular))
     assert np.isfinite(smooth_cost(singular))
 
 
 def test_search_sees_the_criterion():
-    """Assert that the smooth cost is the logarithm of the deviation where eigenvalues are apart."""
+    """Assert that the smooth cost is the logarithm of the error for separate eigenvalues."""
     exact = np.log(deviation(INFORMATION))
     assert smooth_cost(INFORMATION) == pytest.approx(exact, abs=0.01)

@@ -1,4 +1,4 @@
-"""Drive files: what they mean, and one sentence for each that means nothing."""
+"""Drive files: their values, and one sentence for each invalid one."""
 
 import json
 from functools import partial
@@ -23,7 +23,7 @@ PARAMETERS = {
 
 @pytest.fixture
 def text(examples):
-    """The shipped example."""
+    """Return the text of the shipped example."""
     return (examples / "drive.toml").read_text()
 
 
@@ -47,7 +47,7 @@ def test_the_example_is_table_1(examples):
 
 
 def test_known_inertia_is_not_doubted(text, written):
-    """Assert that what is known leaves the unknowns and stays right in every wrong drive."""
+    """Assert that a known value is no unknown, and is right in every perturbed drive."""
     drive = read_drive(written('known = ["motor_inertia"]\n' + text)).drive
     assert "beta1" not in drive.nominal.coefficients
     assert {case.system.constants["beta1"] for case in drive.cases(0)} == {1 / 0.3}
@@ -61,7 +61,7 @@ def test_encoder_bits_are_noise(text, written):
 
 @pytest.fixture
 def stored(tmp_path):
-    """Write the estimate of Table I's joint with some parameters changed, and return its path."""
+    """Write the estimate of Table I's joint with some parameters changed; return its path."""
 
     def write(terms=("gravity", "motor_viscous"), **changed):
         document = stored_document({}, {"joint_stiffness": 100.0, "link_inertia": 1.0})
@@ -76,7 +76,7 @@ def stored(tmp_path):
 
 
 def test_an_estimate_replaces_beliefs(examples, stored):
-    """Assert that estimates take the place of parameters of the same name, and no others."""
+    """Assert that estimated values replace parameters of the same name, and no others."""
     path = stored(link_inertia={"value": 1.5}, joint_damping={"value": 0.1})
     file = read_drive(examples / "drive.toml", read_estimate(path))
     assert file.drive.values == pytest.approx({**PARAMETERS, "link_inertia": 1.5})
@@ -86,7 +86,7 @@ def test_an_estimate_replaces_beliefs(examples, stored):
 
 
 def test_what_an_estimate_cannot_give_is_said(examples, stored):
-    """Assert that shapes, guesses and missing values are named; no value changes nothing."""
+    """Assert warnings of shapes, guesses and missing values; a missing value changes nothing."""
     undetermined = {"verdict": "undetermined"}
     path = stored(
         ("gravity", "motor_stribeck"),
@@ -103,7 +103,7 @@ def test_what_an_estimate_cannot_give_is_said(examples, stored):
     assert "joint_stiffness, motor_inertia is undetermined" in guessed
 
 
-OTHERWISE = {  # what stands in the example, and what in its place
+OTHERWISE = {  # text in the example, and its replacement
     "a slide": ("[parameters]", 'joint = "prismatic"\n[parameters]'),
     **{
         f"a torque of {t}": ("torque = 30.0", f"torque = {t}")
@@ -126,7 +126,7 @@ OTHERWISE = {  # what stands in the example, and what in its place
 
 
 def test_what_no_drive_is(text, stored, refusals, monkeypatch, tmp_path):
-    """Assert that file and key are named, be it the drive's or that of an estimate."""
+    """Assert that file and key are named, for a drive as for its estimate."""
     monkeypatch.chdir(tmp_path)
     path = Path("drive.toml")
 

@@ -1,4 +1,4 @@
-"""What a log can tell: the answers of identify, and whether the advice is right."""
+"""Report on the excitation of a log: values as in identify, and valid advice."""
 
 import json
 from dataclasses import replace
@@ -24,13 +24,13 @@ SLOW = 0.2 * (np.sin(0.7 * TIME) + np.sin(1.3 * TIME)) * np.minimum(1.0, TIME / 
 
 @pytest.fixture(scope="module")
 def faint(tmp_path_factory):
-    """A log whose motion is slow and small beside the noise, and the report on it."""
+    """Return a log with slow, small motion in noise, and its report."""
     path = write_held_log(tmp_path_factory.mktemp("log") / "faint.csv", SLOW, 3e-3, seed=4)
     return path, examine([read_log(path)], HELD)
 
 
 def test_answers_are_those_of_identify(faint):
-    """Assert that value, interval, verdict, reason and excitation are the identification's own."""
+    """Assert that value, interval, verdict, reason and excitation equal the identification's."""
     path, report = faint
     found = identify([read_log(path)], HELD)
     assert report.identification.verdict == found.verdict
@@ -45,7 +45,7 @@ def test_answers_are_those_of_identify(faint):
 
 
 def test_what_the_others_cost(faint):
-    """Assert that width alone, cost and partner follow from the identification's covariance."""
+    """Assert that width alone, cost and partner follow from the covariance."""
     _, report = faint
     fit = report.identification.fit
     inverse = np.linalg.inv(fit.covariance)
@@ -61,12 +61,12 @@ def test_what_the_others_cost(faint):
 
 
 def all_determined(report):
-    """Whether every coefficient is determined."""
+    """Return whether every coefficient is determined."""
     return all(c.verdict == "determined" for c in report.coefficients.values())
 
 
 def test_following_the_advice_is_enough(faint, tmp_path):
-    """Assert that a third of the torque near the resonance, or a longer log, determines all."""
+    """Assert that a third of the torque near resonance, or a longer log, determines all values."""
     _, report = faint
     assert not all_determined(report)
     advice = report.advice
@@ -81,7 +81,7 @@ def test_following_the_advice_is_enough(faint, tmp_path):
 
 
 def test_a_small_sine_loses_the_values(tmp_path):
-    """Assert that 0.05 rad on one sine does not determine it, and that the rule mends it."""
+    """Assert that 0.05 rad on one sine leaves values undetermined, and that the advice helps."""
     torque, start = steady_sine(0.05, 5.0, sample_time=FINE)
     path = write_log(tmp_path / "still.csv", torque, start)
     report = examine([read_log(path)], ON_TIME)
@@ -94,7 +94,7 @@ def test_a_small_sine_loses_the_values(tmp_path):
 
 
 def test_given_coefficients_cost_nothing(tmp_path):
-    """Assert that what is given has no width and is no partner."""
+    """Assert that a given coefficient has no width and is no partner."""
     path = write_held_log(tmp_path / "rich.csv", TONES)
     report = examine([read_log(path)], replace(HELD, known={"beta1": 10 / 3}))
     given = report.coefficients["beta1"]
@@ -103,7 +103,7 @@ def test_given_coefficients_cost_nothing(tmp_path):
 
 
 def test_what_no_input_mends_is_said(faint):
-    """Assert that a contradiction to what is given gets no sine but the reason."""
+    """Assert that a contradiction to given values gets no advice, but the reason."""
     _, report = faint
     found = report.identification
     contradicted = {
@@ -118,7 +118,7 @@ def test_what_no_input_mends_is_said(faint):
 
 
 def test_a_rigid_joint_is_examined_too():
-    """Assert that a log with one encoder is assessed as the rigid joint that identify takes."""
+    """Assert that a log with one encoder is assessed as a rigid joint."""
     from flexid.models.flexible_joint import rigid_joint
     from flexid.simulation.free_run import free_run
 
@@ -147,7 +147,7 @@ def test_command_says_it_all(flexid, faint, tmp_path):
 
 
 def test_what_no_term_describes_is_no_lack_of_motion(example_estimate):
-    """Assert that a model error or disturbances are named, as another motion does not mend them."""
+    """Assert that a model error or disturbances are named, since other motion would not help."""
     clean = example_estimate.result
     assert _caution(clean) == ""
     disturbed = replace(clean, disturbances=Disturbances({"motor": 0.3}, 1e-3))

@@ -1,4 +1,4 @@
-"""Experiment files: what they mean, and what is refused how."""
+"""Experiment files: their meaning, and refusals."""
 
 import pickle
 from functools import partial
@@ -29,14 +29,14 @@ def write(folder: Path, text: str | bytes) -> Path:
 
 @pytest.fixture
 def pendulum(tmp_path: Path, examples: Path) -> Path:
-    """Return an experiment with a model and a law of its own."""
+    """Return an experiment with its own model and control law."""
     model = (examples / "models" / "pendulum.toml").read_text(encoding="utf-8")
     (tmp_path / "pendulum.toml").write_text(model, encoding="utf-8")
     return write(tmp_path, PENDULUM)
 
 
 def test_table_1_is_the_studies_loop():
-    """Assert that the shipped file gives the loop of Table I, and its run bit for bit."""
+    """Assert that the shipped file gives the loop of Table I, with the same bits."""
     experiment = read_experiment(FOLDER / "huang2003.toml")
     loop = table1_loop((1, 2, 3))
     assert experiment.loop.parameters.tolist() == loop.parameters.tolist()
@@ -61,7 +61,7 @@ def test_campaign_starts_from_table_1():
 
 
 def test_model_file_lies_beside_the_experiment(pendulum: Path):
-    """Assert that a model's path counts from the experiment, and its constants keep their value."""
+    """Assert that a model's path is relative to the experiment, and that its constants are kept."""
     experiment = read_experiment(pendulum)
     assert experiment.loop.system.constants == {"inertia": 0.05}
     assert experiment.values["plant.inertia"] == 0.05
@@ -70,7 +70,7 @@ def test_model_file_lies_beside_the_experiment(pendulum: Path):
 
 
 def test_experiment_travels_to_other_processes(pendulum: Path):
-    """Assert that a pickled experiment can be varied where its model file is not."""
+    """Assert that a pickled experiment can be varied without its model file."""
     sent = pickle.dumps(read_experiment(pendulum))
     (pendulum.parent / "pendulum.toml").unlink()
     arrived = pickle.loads(sent).with_values({"controller.parameters.stiffness": 3.0})
@@ -78,13 +78,13 @@ def test_experiment_travels_to_other_processes(pendulum: Path):
 
 
 def test_byte_order_mark_does_not_count(tmp_path: Path):
-    """Assert that a file as some editors save UTF-8 is read like any other."""
+    """Assert that a UTF-8 byte-order mark is ignored."""
     marked = read_experiment(write(tmp_path, b"\xef\xbb\xbf" + TEXT.encode()))
     assert marked.digest == read_experiment(FOLDER / "huang2003.toml").digest
 
 
 def test_sampling_makes_a_sampled_loop():
-    """Assert that the table ``sampling`` says what the sensors are like."""
+    """Assert that the table ``sampling`` sets the sensors."""
     experiment = read_experiment(FOLDER / "sampled_joint.toml")
     step = 2 * np.pi / 65536
     assert experiment.mode == "sampled"
@@ -107,13 +107,13 @@ def test_the_other_law_can_be_named(tmp_path: Path):
 
 
 def but(old: str, new: str, text: str = TEXT) -> str:
-    """A file with something in the place of what stands there."""
+    """Return the file with a text replaced."""
     assert old in text
     return text.replace(old, new)
 
 
 def law_of(text: str) -> str:
-    """The table of a controller."""
+    """Return the table of a controller."""
     return text[text.index("[controller]") : text.index("[reference]")]
 
 
@@ -173,7 +173,7 @@ def test_faults_of_files(pendulum: Path, refusals: Any, monkeypatch: pytest.Monk
 
 
 def test_method_for_loops_that_are_not_stiff(tmp_path: Path):
-    """Assert that the file decides the integrator, and that nothing else can set it."""
+    """Assert that the file alone chooses the integrator."""
     explicit = read_experiment(write(tmp_path, TEXT.replace("[run]", "[run]\nstiff = false")))
     assert explicit.side_by_side
     assert "run.stiff" not in explicit.values

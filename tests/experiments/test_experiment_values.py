@@ -1,4 +1,4 @@
-"""Numbers of an experiment that can be set, and what varies over a campaign."""
+"""Values of an experiment that can be set, and the variations of a campaign."""
 
 from dataclasses import replace
 from functools import partial
@@ -32,7 +32,7 @@ def sampled() -> Experiment:
 
 
 def test_exponents_change_the_gains_but_no_kernel(table1: Experiment):
-    """Assert that other exponents reach the loop, and that it is the same compiled loop."""
+    """Assert that other exponents reach the loop, with the same compiled kernel."""
     changed = table1.with_values({"controller.exponents.3": 2.0})
     assert changed.loop.controller.values["gain3"] == 50.0**2 * 0.42
     assert changed.loop.declaration is table1.loop.declaration
@@ -41,7 +41,7 @@ def test_exponents_change_the_gains_but_no_kernel(table1: Experiment):
 
 
 def test_inertia_changes_what_is_known(table1: Experiment):
-    """Assert that a physical parameter moves every coefficient it is part of, known ones too."""
+    """Assert that a physical parameter changes all its coefficients, also known ones."""
     loop = table1.with_values({"plant.motor_inertia": 0.25}).loop
     assert loop.coefficients["alpha1"] == PHYSICAL["joint_stiffness"] / 0.25
     assert loop.system.constants["beta1"] == 4.0
@@ -49,7 +49,7 @@ def test_inertia_changes_what_is_known(table1: Experiment):
 
 
 def test_other_values_need_no_other_kernel(table1: Experiment):
-    """Assert that k, plant, observer, start and reference varied share one compiled loop."""
+    """Assert that k, plant, observer, start and reference share one compiled loop."""
     values = {
         "controller.k": 15.0,
         "controller.nominal.link_inertia": 0.9,
@@ -71,12 +71,12 @@ def test_other_values_need_no_other_kernel(table1: Experiment):
 OUT_OF_RANGE: list[tuple[str, float]] = [
     *(("controller.k", -1.0), ("controller.k", float("nan")), ("sampling.seed", 1.5)),
     *(("sampling.position_noise", -1e-9), ("plant.link_inertia", 0.0), ("run.duration", 0.0)),
-    ("plant.alpha1", 3.0),  # which is no path: what it may have meant
+    ("plant.alpha1", 3.0),  # no valid path: the likely one is proposed
 ]
 
 
 def test_values_out_of_range(refusals: Any, sampled: Experiment, monkeypatch: Any):
-    """Assert that a value is checked as strictly as in the file."""
+    """Assert that set values are checked as strictly as those of a file."""
     monkeypatch.chdir(FOLDER)
     table1 = read_experiment("huang2003.toml")
 
@@ -91,7 +91,7 @@ def test_values_out_of_range(refusals: Any, sampled: Experiment, monkeypatch: An
     "path", ["plant.gravity_torque", "run.relative_tolerance", "observer.link"]
 )
 def test_digest_covers_what_decides(path: str, table1: Experiment, tmp_path: Path):
-    """Assert that every decisive value changes the digest, and neither title nor place does."""
+    """Assert that every decisive value changes the digest, and that title and path do not."""
     changed = table1.with_values({path: table1.values[path] / 2})
     assert changed.digest != table1.digest
     text = (FOLDER / "huang2003.toml").read_text(encoding="utf-8")
@@ -111,7 +111,7 @@ def test_digest_covers_what_decides(path: str, table1: Experiment, tmp_path: Pat
 def test_any_values_are_those_of_a_file_that_says_so(
     tmp_path: Path, sampled: Experiment, amplitudes: list[float], inertia: float, seed: int
 ):
-    """Assert that whatever numbers are set, a file with these numbers is the same experiment."""
+    """Assert that set values give the same experiment as a file with these values."""
     text = (FOLDER / "sampled_joint.toml").read_text(encoding="utf-8")
     written = tmp_path / "written.toml"
     written.write_text(
@@ -144,7 +144,7 @@ def variation(folder: Path, campaign: str) -> Variation:
 
 
 def test_dotted_keys_need_no_quotes(tmp_path: Path):
-    """Assert that paths may be written as TOML's dotted keys or as one quoted key."""
+    """Assert that paths may be dotted keys of TOML or one quoted key."""
     head = 'kind = "sobol"\nruns = 8\n[campaign.vary]\n'
     bare = variation(tmp_path, head + "controller.k = { uniform = [10, 50] }")
     quoted = variation(tmp_path, head + '"controller.k" = { uniform = [10, 50] }')
@@ -176,7 +176,7 @@ CAMPAIGNS = (
 
 
 def test_campaigns_that_cannot_be_run(tmp_path: Path, refusals: Any, monkeypatch: Any):
-    """Assert that a campaign is tried when it is read, and refused by its key."""
+    """Assert that a campaign is checked when it is read, and refused by its key."""
     monkeypatch.chdir(tmp_path)
     refusals({repr(text)[:80]: partial(variation, Path(), text) for text in CAMPAIGNS})
 
@@ -196,7 +196,7 @@ def test_quantiles_are_those_of_the_distribution(distribution: Distribution, tru
 
 
 def test_integers_are_equally_likely_with_both_ends():
-    """Assert that each whole number gets the same share."""
+    """Assert that all integers are equally likely, both ends included."""
     shares = (np.arange(4000) + 0.5) / 4000
     values, counts = np.unique(Distribution(integers=[3, 6]).quantile(shares), return_counts=True)
     assert values.tolist() == [3, 4, 5, 6]

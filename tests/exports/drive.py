@@ -1,4 +1,4 @@
-"""Exported drives for the tests: compiled as a user would, with what is installed."""
+"""Exported drives for the tests, compiled with the tools of this machine."""
 
 import shutil
 import subprocess
@@ -38,7 +38,7 @@ CASES = [
 
 
 def tool(name: str) -> str:
-    """A program, or the test is skipped."""
+    """Return the path of a program, or skip the test."""
     found = shutil.which(name)
     if found is None:
         pytest.skip(f"{name} is not installed")
@@ -46,7 +46,7 @@ def tool(name: str) -> str:
 
 
 def run(*command: str | Path, cwd: Path | None = None, timeout: float = 240.0) -> str:
-    """What a command prints; it must end well."""
+    """Return the output of a command, which must succeed."""
     done = subprocess.run(
         [str(part) for part in command], cwd=cwd, capture_output=True, text=True, timeout=timeout
     )
@@ -55,7 +55,7 @@ def run(*command: str | Path, cwd: Path | None = None, timeout: float = 240.0) -
 
 
 def compiled(compiler: str, directory: Path, *options: str, out: Path) -> Path:
-    """The example of an exported drive, compiled."""
+    """Compile the example of an exported drive and return its path."""
     sources = [directory / "example_main.c", directory / "flexid_drive.c"]
     run(tool(compiler), *STRICT, "-O2", *options, *sources, "-lm", "-o", out)
     return out

@@ -1,4 +1,4 @@
-"""The estimator in C99: what it computes, and what compilers and analysers say."""
+"""The estimator in C99: its results, and warnings of compilers and analysers."""
 
 import re
 import shutil
@@ -27,14 +27,14 @@ BUILDS = {
 OTHERS = {
     "friction": {"sample_time": 1e-3, "terms": ("gravity", "link_coulomb", "motor_coulomb")},
     "offset": {"sample_time": 1e-3, "terms": ("gravity", "gravity_cosine", "link_offset")},
-    # Gravity, which acts, is not among the terms; what is not forgotten matters the more.
+    # Gravity acts, but is not among the terms; forgetting then matters more.
     "a term that is missing": {"log": LOG, "terms": ("motor_viscous",), "memory": 2.0},
 }
 
 
 @pytest.fixture(scope="module")
 def drives(tmp_path_factory) -> dict[str, Path]:
-    """Directories of every kind of exported estimator, written once."""
+    """Return directories of every kind of exported estimator, written once."""
     folder = tmp_path_factory.mktemp("drives")
     for number, options in enumerate(DRIVES.values()):
         flexid.export("flexible-joint", to="c99", out=folder / str(number), **options)
@@ -53,7 +53,7 @@ REPLAYS = [
 
 @pytest.mark.parametrize(("build", "name", "precision"), REPLAYS)
 def test_replay_agrees_with_python(drives, tmp_path, build, name, precision):
-    """Assert that it compiles without a warning and finds what Python does, to 2e-5 in float."""
+    """Assert compilation without warnings, and Python's estimates, to 2e-5 in float."""
     if name in OTHERS:
         flexid.export("flexible-joint", to="c99", out=tmp_path / "other", **OTHERS[name])
     directory = tmp_path / "other" if name in OTHERS else drives[name]
@@ -65,7 +65,7 @@ def test_replay_agrees_with_python(drives, tmp_path, build, name, precision):
 
 @precisions
 def test_replay_on_cortex_m4f(drives, tmp_path, precision):
-    """Assert the same of a microcontroller, whose floating point knows single precision only."""
+    """Assert agreement on a microcontroller with single-precision hardware."""
     tool("arm-none-eabi-gcc")
     qemu, program = tool(QEMU[0]), tmp_path / "drive.elf"
     main, options = str(drives[MAIN] / "example_main.c"), (*STRICT, "-O2", PRECISIONS[precision])
@@ -78,7 +78,7 @@ WRONG = (
     ("theta2 = state->row[0].unknown[1]", "theta2 = state->row[0].unknown[1]*REAL(1.001)"),
     ("theta1 = state->row[0].unknown[0]", "theta1 = REAL(0.0) / REAL(0.0)"),
 )
-WRONG_POLE = ("#define POLE REAL(0.98019", "#define POLE REAL(0.98018")  # too little for a float
+WRONG_POLE = ("#define POLE REAL(0.98019", "#define POLE REAL(0.98018")  # invisible in float
 
 
 @pytest.mark.thorough
@@ -87,7 +87,7 @@ WRONG_POLE = ("#define POLE REAL(0.98019", "#define POLE REAL(0.98018")  # too l
     [*((precision, *pair) for pair in WRONG for precision in PRECISIONS), ("double", *WRONG_POLE)],
 )
 def test_what_is_wrong_is_noticed(drives, tmp_path, precision, right, wrong):
-    """Assert that the example fails where a coefficient or the filter is."""
+    """Assert that the example detects a wrong coefficient or filter."""
     directory = tmp_path / "wrong"
     shutil.copytree(drives[MAIN], directory)
     source = directory / "flexid_drive.c"
@@ -100,10 +100,10 @@ def test_what_is_wrong_is_noticed(drives, tmp_path, precision, right, wrong):
 
 @pytest.mark.parametrize("name", DRIVES)
 def test_nothing_but_mathematics_is_called(drives, tmp_path, name):
-    """Assert that a float build calls functions of math.h in float, and nothing else."""
+    """Assert that a float build calls float functions of math.h, and nothing else."""
     run(
         *(tool("arm-none-eabi-gcc"), *TARGET, *STRICT, "-O2", "-DFLEXID_FLOAT"),
-        # Else the compiler makes memset and memcpy of loops.
+        # Otherwise the compiler replaces loops by memset and memcpy.
         "-fno-tree-loop-distribute-patterns",
         *("-c", drives[name] / "flexid_drive.c", "-o", tmp_path / "drive.o"),
     )
@@ -137,7 +137,7 @@ DEVIATIONS = {
 
 @cases
 def test_the_fuzzer_finds_nothing(drives, tmp_path, name, precision):
-    """Assert that no bytes in the samples crash it or make an estimate that is no number."""
+    """Assert that arbitrary bytes as samples cause neither a crash nor a NaN estimate."""
     program, probe = tmp_path / "fuzz", tmp_path / "probe.c"
     probe.write_text(
         "int LLVMFuzzerTestOneInput(void); int LLVMFuzzerTestOneInput(void) { return 0; }"
@@ -155,7 +155,7 @@ def test_the_fuzzer_finds_nothing(drives, tmp_path, name, precision):
 
 @cases
 def test_misra(drives, name, precision):
-    """Assert that cppcheck finds nothing, and of MISRA C:2012 only the deviations above."""
+    """Assert that cppcheck finds nothing but the stated deviations from MISRA C:2012."""
     found = run(
         *(tool("cppcheck"), "--std=c99", "--enable=all", "--inconclusive", "--addon=misra"),
         *("--suppress=missingIncludeSystem", "--suppress=unusedFunction", "--quiet"),
@@ -168,7 +168,7 @@ def test_misra(drives, name, precision):
 
 @pytest.mark.thorough
 def test_eva_raises_no_alarm(drives):
-    """Assert that Eva proves memory and integers safe, whatever bytes state and sample hold."""
+    """Assert that Eva proves memory and integers safe, for any bytes in state and sample."""
     frama_c = tool("frama-c")
     libc = Path(run(frama_c, "-print-share-path").strip()) / "libc"
     found = run(
@@ -186,13 +186,13 @@ SETTINGS = EstimatorSettings(1e-3)
 
 
 def arm(regressors, name="arm", **options):
-    """A model of one row."""
+    """Return a model of one row."""
     row = flexid.Row(name, "q", "v", regressors, "u")
     return flexid.ParametricSystem("model", (row,), **options)
 
 
 def test_names_that_are_taken_are_renamed(tmp_path):
-    """Assert that coefficients and constants of such names compile, and the estimates agree."""
+    """Assert that coefficients and constants with reserved names compile, with equal estimates."""
     taken = {"FLEXID_ROWS": "sin(q)", "POLE": "q", "uint32_t": "cos(q)"}
     regressors = {name: f"-{name}_2*{shape}" for name, shape in taken.items()}
     constants = {f"{name}_2": 2.0 for name in taken}
@@ -203,7 +203,7 @@ def test_names_that_are_taken_are_renamed(tmp_path):
 
 
 def test_a_row_that_is_too_long():
-    """Assert that a row of more coefficients than there are bits is refused."""
+    """Assert that a row with more coefficients than bits of its mask is refused."""
     rows = [{f"c{i}": f"sin({i + 1}*q)" for i in range(count)} for count in (31, 32)]
     assert (
         "row[0].unknown[30]" in DriveSource(ExportRequest(arm(rows[0]), settings=SETTINGS)).source()
@@ -213,7 +213,7 @@ def test_a_row_that_is_too_long():
 
 
 def test_no_text_of_a_model_ends_a_comment():
-    """Assert that names in comments are on one line and do not end them, in FMUs either."""
+    """Assert that names in comments stay on one line and do not end them, in FMUs too."""
     model = arm({"gravity": "-sin(q)"}, "arm *\\\n/ int evil; /*")
     drive = DriveSource(ExportRequest(model, settings=SETTINGS))
     unit = plant_of(ExportRequest(model, {"gravity": 1.0}))

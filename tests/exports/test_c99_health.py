@@ -1,4 +1,4 @@
-"""The estimator in C99 at work: what it says of itself, gaps, and a state that is saved."""
+"""The estimator in C99 at run time: health, gaps, and a saved state."""
 
 import ctypes
 import math
@@ -25,7 +25,7 @@ unsigned size_of_state(void) { return (unsigned)sizeof(flexid_state); }
 
 
 class Drive:
-    """An estimation in C, fed from Python."""
+    """An estimation in C with samples from Python."""
 
     def __init__(self, library: Path, number: Any = ctypes.c_double) -> None:
         self._number = number
@@ -37,32 +37,32 @@ class Drive:
         self._c.flexid_init(self.state)
 
     def feed(self, samples: np.ndarray) -> list[int]:
-        """Take in samples; return the health after each."""
+        """Process samples; return the health after each."""
         return [self._c.flexid_step(self.state, (self._number * 3)(*row)) for row in samples]
 
     def gap(self) -> None:
-        """Say that samples were missed."""
+        """Report missed samples."""
         self._c.flexid_gap(self.state)
 
     def checksum(self) -> int:
-        """Of the state as it is."""
+        """Return the checksum of the state."""
         return self._c.flexid_checksum(self.state)
 
     def restore(self, saved: bytes, checksum: int) -> bool:
-        """Go on from a copy; return whether it is whole."""
+        """Restore a saved state; return whether it is valid."""
         self.state.raw = saved
         return self._c.flexid_restore(self.state, checksum)
 
     @property
     def estimates(self) -> dict[str, float]:
-        """By coefficient."""
+        """Return estimates by coefficient."""
         values = (self._number * len(TRUE))()
         self._c.flexid_estimates(self.state, values)
         return dict(zip(TRUE, values, strict=True))
 
 
 def built(folder: Path, *options: str, **settings: Any) -> Path:
-    """An exported estimator as a library."""
+    """Build an exported estimator as a library."""
     flexid.export("flexible-joint", to="c99", out=folder, sample_time=H, **settings)
     (folder / "shim.c").write_text(SHIM)
     sources = (folder / "flexid_drive.c", folder / "shim.c")
@@ -73,13 +73,13 @@ def built(folder: Path, *options: str, **settings: Any) -> Path:
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory) -> Callable[[], Drive]:
-    """Makes estimations that have just begun."""
+    """Return a function that creates new estimations."""
     library = built(tmp_path_factory.mktemp("health"))
     return lambda: Drive(library)
 
 
 def motion(duration: float, values: dict[str, float] = TRUE, state=(0.0,) * 4) -> np.ndarray:
-    """States under two sines and the input, shape (n, 5)."""
+    """Return states under two sines and the input, shape (n, 5)."""
     time = H * np.arange(round(duration / H))
     torque = 20.0 * np.sin(2.0 * time) + 10.0 * np.sin(5.3 * time)
     system = flexid.flexible_joint()
@@ -87,12 +87,12 @@ def motion(duration: float, values: dict[str, float] = TRUE, state=(0.0,) * 4) -
 
 
 def measured(states: np.ndarray) -> np.ndarray:
-    """What encoders and the current controller show: link, motor, torque."""
+    """Return the measurements of encoders and current controller: link, motor, torque."""
     return states[:, [0, 2, 4]]
 
 
 def test_it_converges(drive):
-    """Assert that the coefficients are found, and that it says so at the end and not at once."""
+    """Assert that coefficients converge, and that the health is `CONVERGED` only then."""
     estimation = drive()
     health = estimation.feed(measured(motion(5.0)))
     assert health[10] == CONVERGING
@@ -103,7 +103,7 @@ def test_it_converges(drive):
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e10, -1e300])
 @pytest.mark.parametrize("channel", [0, 1, 2])
 def test_a_fault_is_left_out(drive, bad, channel):
-    """Assert that a sample that cannot be is flagged, and that estimates stay as they were."""
+    """Assert that an invalid sample is flagged and leaves the estimates unchanged."""
     estimation = drive()
     samples = measured(motion(3.0))
     estimation.feed(samples[:2500])
@@ -124,12 +124,12 @@ SINES = np.sin(np.outer(H * np.arange(4000), [5.0, 5.0, 3.0]))
     [
         (np.zeros((4000, 3)), True),
         (np.random.default_rng(3).normal(0.0, 1e-4, (4000, 3)), False),  # independent regressors
-        (SINES * [0.01, 0.013, 1.0], True),  # the deflection goes with the link's sine
+        (SINES * [0.01, 0.013, 1.0], True),  # the deflection is proportional to the link's sine
     ],
     ids=["standstill", "noise", "confounded"],
 )
 def test_what_determines_nothing_is_not_excited(drive, samples, given_time):
-    """Assert that a drive is first given time, and is then asked to move, or to move otherwise."""
+    """Assert that uninformative samples first count as converging, and then as not excited."""
     health = drive().feed(samples)
     assert not given_time or set(health[:1900]) == {CONVERGING}
     assert set(health[2100:]) == {NOT_EXCITED}
@@ -137,7 +137,7 @@ def test_what_determines_nothing_is_not_excited(drive, samples, given_time):
 
 @pytest.mark.thorough
 def test_an_overflow_is_flagged(tmp_path):
-    """Assert that sums beyond what float holds begin the estimation again, with a flag."""
+    """Assert that an overflow in float restarts the estimation, with a flag."""
     library = built(tmp_path, "-DFLEXID_FLOAT", terms=("gravity", "cubic_stiffness"))
     estimation = Drive(library, ctypes.c_float)
     wild = 1e9 * np.array([[1.0, -1.0, 1.0], [-1.0, 1.0, 1.0]] * 10)
@@ -146,7 +146,7 @@ def test_an_overflow_is_flagged(tmp_path):
 
 
 def test_a_changed_drive_is_inconsistent(drive):
-    """Assert that a softer spring is noticed within two seconds, and not before it is softer."""
+    """Assert that a softer spring is detected within two seconds, without an earlier alarm."""
     first = motion(10.0)
     softer = motion(4.0, TRUE | {"theta2": 50.0, "alpha1": 166.0}, first[-1, :4])
     estimation = drive()
@@ -156,7 +156,7 @@ def test_a_changed_drive_is_inconsistent(drive):
 
 
 def test_a_rest_contradicts_nothing(drive):
-    """Assert that a drive that stands still after it was learnt is not said to have changed."""
+    """Assert that rest after convergence is no sign of a changed drive."""
     noise = np.random.default_rng(5).normal(0.0, 1e-4, (10_000, 3)) * [1.0, 1.0, 0.0]
     estimation = drive()
     estimation.feed(measured(motion(6.0)) + noise[:6000])
@@ -165,7 +165,7 @@ def test_a_rest_contradicts_nothing(drive):
 
 
 def test_a_gap_brings_no_noise_of_its_own(drive):
-    """Assert that estimates after many gaps, at which the filter begins, are right with noise."""
+    """Assert that estimates after many gaps, each of which restarts the filter, stay right."""
     samples = measured(motion(12.0))
     noise = np.random.default_rng(4).normal(0.0, 1e-4, samples.shape) * [1.0, 1.0, 0.0]
     estimation = drive()
@@ -177,7 +177,7 @@ def test_a_gap_brings_no_noise_of_its_own(drive):
 
 
 def test_a_saved_state_is_taken_up(drive):
-    """Assert that estimates outlive a power cycle, and that the filter begins again after it."""
+    """Assert that estimates survive a power cycle, after which the filter restarts."""
     samples = measured(motion(6.0))
     estimation = drive()
     estimation.feed(samples[:3000])
@@ -191,7 +191,7 @@ def test_a_saved_state_is_taken_up(drive):
 
 @pytest.mark.parametrize(("place", "checked_after"), [(0, 0), (40, 0), (500, 0), (0, 1)])
 def test_another_state_is_refused(drive, place, checked_after):
-    """Assert that one flipped bit makes it begin again; in the version with any checksum."""
+    """Assert that a flipped bit restarts the estimation; in the version, whatever the checksum."""
     estimation = drive()
     estimation.feed(measured(motion(1.0)))
     checksum = estimation.checksum()

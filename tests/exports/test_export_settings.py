@@ -1,4 +1,4 @@
-"""What is exported of an estimate, with which settings, and what is refused."""
+"""Export of an estimate: its content and settings, and refusals."""
 
 import dataclasses
 from functools import partial
@@ -14,18 +14,18 @@ from flexid.exports.request import request_of_identification
 
 @pytest.fixture(scope="module")
 def result(example_estimate):
-    """An identification of the example."""
+    """Return an identification of the example."""
     return example_estimate.result
 
 
 def doubted(result, name="alpha2", **changes):
-    """The same, but for one coefficient."""
+    """Return the identification with one coefficient changed."""
     coefficient = dataclasses.replace(result.coefficients[name], **changes)
     return dataclasses.replace(result, coefficients=result.coefficients | {name: coefficient})
 
 
 def test_what_is_exported_of_an_estimate(result):
-    """Assert that units are the log's, and that what is unknown is not taken for 0, or named."""
+    """Assert the log's units, and that unknown values are named instead of taken as 0."""
     whole = request_of_identification(result)
     assert set(whole.values) == set(result.coefficients)
     source = request_of_identification(doubted(result, value=nan))
@@ -57,7 +57,7 @@ REFUSED = {
 
 
 def test_what_no_drive_has_is_refused(result, tmp_path, refusals):
-    """Assert that the sentence says what is wrong, and that no file is left."""
+    """Assert that invalid settings are refused in one sentence, and that no file is left."""
     calls = {}
     for name, options in REFUSED.items():
         given = {"what": "flexible-joint", "to": "c99", "out": tmp_path / "drive"} | options
@@ -71,7 +71,7 @@ def test_what_no_drive_has_is_refused(result, tmp_path, refusals):
 
 
 def test_a_log_of_another_input_is_refused(tmp_path):
-    """Assert that an estimate from a torque takes no log of a current for its test vector."""
+    """Assert that a log of a current is refused as test vector of an estimate from a torque."""
     log = pl.read_csv("examples/flexible_joint.csv").head(2000)
     terms = ("gravity", "motor_viscous")
     estimate = flexid.identify(log, terms=terms, hold="zero", input_delay=0, link_delay=0)

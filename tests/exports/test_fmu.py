@@ -1,6 +1,6 @@
-"""The plant as FMUs: valid, compiled anywhere, and with the trajectories of Python."""
+"""The plant as FMUs: valid, compilable anywhere, with Python's trajectories."""
 
-# What FMPy returns depends on the version of FMI, which it does not declare.
+# FMPy's return types depend on the version of FMI, which it does not declare.
 # pyright: reportOptionalMemberAccess=false, reportArgumentType=false
 
 import os
@@ -38,7 +38,7 @@ PLAIN = ExportRequest(PAPER, {name: TRUE[name] for name in PAPER.coefficients})
 
 @pytest.fixture(scope="module")
 def units(tmp_path_factory):
-    """The FMUs of a joint with powers and friction in it, and what was said of them."""
+    """Return FMUs of a joint with powers and friction, and the messages of their export."""
     tool("gcc")
     directory = tmp_path_factory.mktemp("units")
     known = {"theta2": "1/s^2", "beta1": "rad/s^2/(N m)", "u": "N m", "coulomb_velocity": "rad/s"}
@@ -46,12 +46,12 @@ def units(tmp_path_factory):
 
 
 def torque(time):
-    """A torque of two tones."""
+    """Return a torque of two tones."""
     return 12 * np.sin(3 * time) + 6 * np.sin(17 * time)
 
 
 def simulated(unit, time, outputs, **options):
-    """Trajectories of an FMU under that torque, shape (n, n_outputs)."""
+    """Return trajectories of an FMU under that torque, shape (n, n_outputs)."""
     found = fmpy.simulate_fmu(
         str(unit),
         stop_time=time[-1],
@@ -66,7 +66,7 @@ def simulated(unit, time, outputs, **options):
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_the_plant_moves_as_in_python(units, version):
-    """Assert that it is valid, and moves as the free run under a held input, from any start."""
+    """Assert that the FMU is valid and moves as the free run with a held input, from any start."""
     time = STEP * np.arange(1500)
     unit = units[0] / f"plant_fmi{version}.fmu"
     assert validate_fmu(str(unit)) == []
@@ -79,16 +79,16 @@ def test_the_plant_moves_as_in_python(units, version):
     found = simulated(unit, time, states, start_values=softer)
     other = JOINT.with_constants({"coulomb_velocity": 0.5})
     own = free_run(other, TRUE | {"theta2": 50.0}, np.zeros(4), torque(time), STEP, "zero")
-    # With other values the poles are others, and so may be the number of steps.
+    # Other values have other poles, and possibly another number of steps.
     np.testing.assert_allclose(found, own, atol=1e-7)
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("version", [2, 3])
 def test_fmpy_compiles_the_sources(units, version, tmp_path, monkeypatch):
-    """Assert that an importer makes the same plant of the sources alone."""
+    """Assert that an importer can build the same plant from the sources alone."""
     tool("make")
-    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}:{os.environ['PATH']}")  # its cmake
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}:{os.environ['PATH']}")  # for CMake
     unit, bare = units[0] / f"plant_fmi{version}.fmu", tmp_path / "bare"
     (tmp_path / "build").mkdir()
     with zipfile.ZipFile(unit) as whole:
@@ -105,7 +105,7 @@ def test_fmpy_compiles_the_sources(units, version, tmp_path, monkeypatch):
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
 @pytest.mark.parametrize("version", [2, 3])
 def test_its_sources_leave_compilers_silent(units, version, compiler, tmp_path):
-    """Assert that they are C99 without a warning, and link with a prefix for static use."""
+    """Assert that sources are C99 without warnings, and link with a prefix for static use."""
     with zipfile.ZipFile(units[0] / f"plant_fmi{version}.fmu") as unit:
         unit.extractall(tmp_path)
     strict = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Werror")
@@ -120,7 +120,7 @@ def test_its_sources_leave_compilers_silent(units, version, compiler, tmp_path):
 
 @pytest.mark.thorough
 def test_nothing_it_is_given_breaks_it(units, tmp_path):
-    """Assert that absurd inputs and steps leave sanitizers silent, and that no memory is lost."""
+    """Assert that extreme inputs and steps pass the sanitizers, without a memory leak."""
     with zipfile.ZipFile(units[0] / "plant_fmi3.fmu") as unit:
         unit.extractall(tmp_path)
     shutil.copy(HERE / "fmi3_driver.c", tmp_path / "sources")
@@ -131,7 +131,7 @@ def test_nothing_it_is_given_breaks_it(units, tmp_path):
 
 
 def opened(unit, folder, guid=None):
-    """An initialised instance of an FMU, its value references by name, and two functions."""
+    """Return an initialised FMU, its value references by name, and two functions."""
     fmpy.extract(str(unit), str(folder))
     described = fmpy.read_model_description(str(unit))
     kinds = {"2.0": FMU2Slave, "3.0": FMU3Slave}
@@ -154,7 +154,7 @@ def opened(unit, folder, guid=None):
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_kept_state_goes_on_as_it_was(units, version, tmp_path):
-    """Assert that a plant set back repeats itself to the bit, and a reset one begins again."""
+    """Assert that a restored plant repeats itself to the bit, and that a reset one restarts."""
     slave, places, get, put = opened(units[0] / f"plant_fmi{version}.fmu", tmp_path)
     keep, restore, free = (
         getattr(slave, f"{verb}FMU{'State' if version == 3 else 'state'}")
@@ -180,11 +180,11 @@ def test_a_kept_state_goes_on_as_it_was(units, version, tmp_path):
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_what_cannot_be_is_refused(units, version, tmp_path):
-    """Assert that steps back, other variables and another token are errors, not wrong numbers."""
+    """Assert that backward steps, unknown variables and another token are errors."""
     plant, places, get, put = opened(units[0] / f"plant_fmi{version}.fmu", tmp_path / "plant")
     for wrong in (
         lambda: plant.doStep(0.0, -STEP),
-        lambda: put([places["x1"]], [1.0]),  # initialisation is over
+        lambda: put([places["x1"]], [1.0]),  # after the initialisation
         lambda: get([999]),
         lambda: put([0], [1.0]),
     ):
@@ -200,7 +200,7 @@ def test_what_cannot_be_is_refused(units, version, tmp_path):
 
 
 def test_what_it_lacks_is_said(units, tmp_path, monkeypatch):
-    """Assert that smoothed friction, of any kind, and a missing compiler are sentences."""
+    """Assert that smoothed friction and a missing compiler are refused in one sentence."""
     assert [w for w in units[1] if "coulomb_velocity" in w] == units[1]
     system = flexid.flexible_joint(("motor_stribeck",), known={"beta1": 4.0})
     values = {"theta2": 100.0, "alpha1": 400.0, "alpha_stribeck": 0.5}
@@ -233,7 +233,7 @@ FAILURES = {
 @pytest.mark.skipif(sys.platform != "linux", reason="the compilers are shell scripts")
 @pytest.mark.parametrize("kind", FAILURES)
 def test_a_compiler_that_fails_is_quoted(tmp_path, monkeypatch, kind):
-    """Assert that the error is quoted as it is, and nothing else is blamed."""
+    """Assert that a compiler's error is quoted unchanged."""
     script, words = FAILURES[kind]
     program = tmp_path / "cc"
     program.write_text(f"#!/bin/sh\n{script}\n")
@@ -244,7 +244,7 @@ def test_a_compiler_that_fails_is_quoted(tmp_path, monkeypatch, kind):
 
 
 def test_names_that_it_has_itself_and_missing_values_are_refused(tmp_path, refusals):
-    """Assert that a state called time, and a plant without values, are no invalid units."""
+    """Assert that a state called time, and a plant without values, are refused."""
     row = flexid.Row("arm", "time", "v", {"stiffness": "-time"}, "u")
     odd = ExportRequest(flexid.ParametricSystem("odd", (row,)), {"stiffness": 1.0})
     some = {name: value for name, value in TRUE.items() if name != "alpha2"}

@@ -1,4 +1,4 @@
-"""Joints as MuJoCo scenes: what they hold, and what they do when MuJoCo runs them."""
+"""Joints as MuJoCo scenes: their content and their motion in MuJoCo."""
 
 import json
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ _LINK_INERTIA, _MOTOR_INERTIA = 1.0, 0.3
 
 
 def _both(**torques: float) -> dict[str, float]:
-    """Coefficients of torques that act between link and motor."""
+    """Return coefficients of torques that act between link and motor."""
     return {
         f"{row}_{name}": torque / inertia
         for name, torque in torques.items()
@@ -38,7 +38,7 @@ def _scene(more: Mapping[str, float], unit: str = "N m", **keywords: object) -> 
 
 
 def _accelerations(scene: Scene, x: np.ndarray, u: float) -> np.ndarray:
-    """Of link and motor in the engine, at (x1, x2, x3, x4) and an input; or of one joint."""
+    """Return accelerations of link and motor in MuJoCo, or of a rigid joint."""
     model = mujoco.MjModel.from_xml_string(scene.xml)
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:], data.ctrl[0] = x[::2], x[1::2], u
@@ -47,7 +47,7 @@ def _accelerations(scene: Scene, x: np.ndarray, u: float) -> np.ndarray:
 
 
 def _by_hand(c: Mapping[str, float], x: np.ndarray, u: float) -> np.ndarray:
-    """Huang (2003), eq. (4), with terms that have no corner, written again."""
+    """Return the accelerations by Huang (2003), eq. (4), with further smooth terms."""
     x1, x2, x3, x4 = x
     d, rate = x1 - x3, x2 - x4
     link = -c["theta1"] * np.sin(x1) - c["theta_cosine"] * np.cos(x1) - c["theta2"] * d
@@ -85,12 +85,12 @@ SLIDES = {"theta1": 0.0, "theta_cosine": 0.0}
     ],
 )
 def test_accelerations_are_those_of_the_model(unit, joint, own):
-    """Assert that every term without a corner acts as its equation says, whatever the input is."""
+    """Assert that every smooth term acts according to its equation, for any input."""
     coefficients = {**TRUE, **SMOOTH, **own}
     scene = mjcf_scene("flexible", coefficients, unit, joint)
     for x in np.random.default_rng(1).normal(size=(8, 4)) * (1.0, 3.0, 1.0, 5.0):
         found = _accelerations(scene, x, 1.7)
-        # Ten digits are written, of torques that may nearly cancel.
+        # Torques are written with ten digits and may nearly cancel.
         np.testing.assert_allclose(found, _by_hand(coefficients, x, 1.7), rtol=1e-6)
     assert len(scene.notes) == (unit in "VA")
     if joint == "prismatic":
@@ -100,20 +100,20 @@ def test_accelerations_are_those_of_the_model(unit, joint, own):
 
 
 def test_a_rigid_joint_is_one_hinge():
-    """Assert that a joint with one encoder moves as its one equation says."""
+    """Assert that a rigid joint moves according to its equation."""
     values = {"gamma1": 4.0, "gamma_cosine": 1.0, "gamma_viscous": 0.5, "gamma_offset": 0.2}
     scene = mjcf_scene("rigid", {**values, "beta1": 2.0})
     expected = -4.0 * np.sin(0.7) - np.cos(0.7) + 0.5 * 2.0 + 0.2 + 2.0 * 3.0
-    found = _accelerations(scene, np.array([0.7, -2.0]), 3.0)  # of one joint
+    found = _accelerations(scene, np.array([0.7, -2.0]), 3.0)  # rigid joint
     np.testing.assert_allclose(found, [expected], rtol=1e-8)
 
 
 FREE = {"theta1": 0.0, "alpha2": 0.0}
 LINK_DRY, MOTOR_DRY = FREE | {"theta_coulomb": 2.0}, FREE | {"alpha_coulomb": 2.0}
-PLAY = {"theta1": 0.0, **_both(backlash=0.2)}  # of 2 mrad to either side
+PLAY = {"theta1": 0.0, **_both(backlash=0.2)}  # 2 mrad to either side
 HYSTERESIS = {**FREE, **_both(hysteresis=0.3), "hysteresis_grip": 20.0}
 EXACT, HELD = 2e-6, 1e-3
-CORNERS = {  # values, the state, accelerations of link and motor, and how far off they may be
+CORNERS = {  # values, state, accelerations of link and motor, and tolerance
     "a link slides": (LINK_DRY, (0, 1, 0, 0), (-2.0, 0.0), EXACT),
     "nine tenths of its friction pull": (LINK_DRY, (-0.018, 0, 0, 0), (0.0, -6.0), HELD),
     "eleven": (LINK_DRY, (-0.022, 0, 0, 0), (0.2, -22 / 3), HELD),
@@ -128,7 +128,7 @@ CORNERS = {  # values, the state, accelerations of link and motor, and how far o
 
 @pytest.mark.parametrize("case", CORNERS)
 def test_friction_and_play_act_by_hand(case):
-    """Assert the accelerations by hand of dry friction, of friction in the spring, and of play."""
+    """Assert by hand the accelerations of dry friction, of friction in the spring, and of play."""
     values, x, expected, tolerance = CORNERS[case]
     scene = _scene(values)
     found = _accelerations(scene, np.array(x, dtype=float), 0.0)
@@ -150,7 +150,7 @@ LEFT_OUT: dict[str, tuple[dict[str, float], dict[str, Any]]] = {
 
 
 def test_what_has_no_place_is_named(golden):
-    """Assert that what MuJoCo lacks, or would drop, is named once, in the scene as well."""
+    """Assert that unsupported terms are named once, in the scene as well."""
     x = np.array([0.3, 1.0, 0.2, 2.0])
     plain = _accelerations(_scene({}), x, 1.0)
     found = {}
@@ -164,7 +164,7 @@ def test_what_has_no_place_is_named(golden):
 
 
 def test_steps_suit_what_is_fast():
-    """Assert that stiff joints and dry friction get shorter steps, which divide a millisecond."""
+    """Assert that stiff joints and dry friction have shorter steps, fractions of a millisecond."""
 
     def step(more: Mapping[str, float]) -> float:
         return mujoco.MjModel.from_xml_string(_scene(more).xml).opt.timestep
@@ -177,7 +177,7 @@ def test_steps_suit_what_is_fast():
 
 @pytest.fixture
 def document(example_estimate):
-    """The same as its file has it, to be changed."""
+    """Return a copy of the document, to be changed."""
     return json.loads(json.dumps(example_estimate.document))
 
 
@@ -188,7 +188,7 @@ def _stored(document, folder):
 
 
 def played(scene, torque: np.ndarray, sample_time: float) -> np.ndarray:
-    """Positions of link and motor under a held torque, shape (n, 2)."""
+    """Return positions of link and motor under a held torque, shape (n, 2)."""
     model = mujoco.MjModel.from_xml_path(str(scene))
     data = mujoco.MjData(model)
     positions = np.empty((len(torque), 2))
@@ -200,7 +200,7 @@ def played(scene, torque: np.ndarray, sample_time: float) -> np.ndarray:
 
 
 def test_the_example_goes_round(example_estimate, examples, tmp_path):
-    """Assert that the scene, played the log's torque from rest, is as far off as the fit itself."""
+    """Assert that the scene under the log's torque has the errors of the fit itself."""
     (scene,), warnings = export(example_estimate, to="mjcf", out=tmp_path / "scene")
     log = read_log(examples / "flexible_joint.csv")
     (recorded,) = log.recordings
@@ -213,7 +213,7 @@ def test_the_example_goes_round(example_estimate, examples, tmp_path):
 
 
 def test_hysteresis_of_the_spring_is_exported(document, tmp_path):
-    """Assert that a friction that remembers its path is one of the tendon, or is refused."""
+    """Assert that hysteresis of the spring becomes the tendon's friction, or is refused."""
     found = document["coefficients"]
     for name in ("theta_hysteresis", "alpha_hysteresis", "hysteresis_grip"):
         found[name] = found["alpha2"] | {"name": name}
@@ -228,7 +228,7 @@ def test_hysteresis_of_the_spring_is_exported(document, tmp_path):
 
 
 def test_offsets_that_differ_from_log_to_log(document, tmp_path):
-    """Assert that the first log's offset stands in the scene, and that this is said."""
+    """Assert that the first log's offset is used, with a message."""
     for number, value in enumerate((1.5, 2.5), 1):
         own = document["coefficients"]["alpha2"] | {"value": value}
         document["coefficients"][f"alpha_offset[{number}]"] = own
@@ -241,7 +241,7 @@ def test_offsets_that_differ_from_log_to_log(document, tmp_path):
 
 
 def test_what_is_no_scene(document, example_estimate, tmp_path, refusals):
-    """Assert that a value that is missing, a model alone, a link alone and options are refused."""
+    """Assert that missing values, a model alone, a link alone and options are refused."""
     document["coefficients"]["alpha2"]["value"] = None
     write = partial(export, to="mjcf", out=tmp_path / "scene")
     refusals(

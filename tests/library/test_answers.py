@@ -1,4 +1,4 @@
-"""What the other functions return: what the commands say, as text, frames, figures and files."""
+"""Results of the other functions: equal to the commands', as text, frames, figures and files."""
 
 import json
 from pathlib import Path
@@ -20,7 +20,7 @@ controller.proportional = [40.0, 50.0]
 
 @pytest.fixture(scope="module")
 def experiment(tmp_path_factory):
-    """A tenth of a second of a closed loop, and two runs of it as a campaign."""
+    """Return a tenth of a second of a closed loop, and a campaign of two such runs."""
     path = tmp_path_factory.mktemp("experiment") / "tiny.toml"
     text = (ROOT / "experiments" / "sampled_joint.toml").read_text()
     assert "duration = 30.0" in text
@@ -29,7 +29,7 @@ def experiment(tmp_path_factory):
 
 
 def test_a_run(experiment, flexid, tmp_path):
-    """Assert that a run is the command's, with the numbers that were set, and is a log."""
+    """Assert that a run equals the command's, with the values set, and serves as a log."""
     run = library.simulate(experiment, set={"controller.proportional": 45})
     printed = flexid("simulate", experiment, "--set", "controller.proportional=45", "--json")
     run.save(tmp_path / "run.json")
@@ -45,7 +45,7 @@ def test_a_run(experiment, flexid, tmp_path):
 
 
 def test_a_campaign(experiment, tmp_path):
-    """Assert that every run is counted, also of one that is only summarised."""
+    """Assert that every run is counted, also if the campaign is summarised later."""
     reached = []
     found = library.campaign(
         experiment, out=tmp_path / "rows", workers=1, progress=lambda *n: reached.append(n)
@@ -61,7 +61,7 @@ def test_a_campaign(experiment, tmp_path):
 
 
 def test_a_derivation(flexid):
-    """Assert that the text is the command's, from the name, a file, or a model."""
+    """Assert that the text equals the command's, from a name, a file, or a model."""
     model = ROOT / "examples" / "models" / "pendulum.toml"
     assert library.derive(model, to="c") == flexid("derive", model, "--to", "c").stdout
     assert library.derive(library.read_model(model)) == library.derive(model)
@@ -70,7 +70,7 @@ def test_a_derivation(flexid):
 
 
 def test_a_design(tiny_drive, flexid, tmp_path):
-    """Assert that the design is the command's, as a document, a figure and a page."""
+    """Assert that the design equals the command's, as a document, a figure and a page."""
     steps = []
     design = library.design(tiny_drive, progress=steps.append)
     printed = flexid("design", tiny_drive, "--json")
@@ -84,7 +84,7 @@ def test_a_design(tiny_drive, flexid, tmp_path):
 
 
 def test_a_reproduction(reproduction):
-    """Assert that the claims are those of the study, as text and as a document."""
+    """Assert that the claims equal the study's, as text and as a document."""
     from flexid.library.simulate import PaperReproduction
 
     found = PaperReproduction(reproduction)
@@ -95,7 +95,7 @@ def test_a_reproduction(reproduction):
 
 
 def test_an_excitation(examples, example_estimate):
-    """Assert that it has the estimate of `identify`, with what confuses each coefficient."""
+    """Assert that the report has the estimate of `identify`, and each coefficient's partner."""
     options = {"terms": ["gravity", "motor_viscous"], "hold": "zero", "segment_duration": 2.0}
     found = library.excitation(examples / "flexible_joint.csv", **options)
     estimate = example_estimate

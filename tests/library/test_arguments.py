@@ -1,4 +1,4 @@
-"""Arguments that a function does not take: one sentence with what would be right."""
+"""Invalid arguments of functions: one sentence with valid ones."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def call(name, *arguments, **options):
-    """A call that is made later."""
+    """Return a call with these arguments, to be made later."""
     return lambda: getattr(flexid, name)(*arguments, **options)
 
 
@@ -60,14 +60,14 @@ WRONG = {
 
 
 def test_wrong_calls(refusals):
-    """Assert that the sentence names function and argument and says what would be right."""
+    """Assert that the message names function and argument, and a valid value."""
     refusals(WRONG)
     assert issubclass(ArgumentError, TypeError)
 
 
 @pytest.mark.parametrize("name", [name for name in COMMANDS if name != "studio"])
 def test_every_type_is_checked(name):
-    """Assert that what a function declares is known to what checks arguments."""
+    """Assert that all declared types are known to the check of arguments."""
     for parameter in inspect.signature(getattr(flexid, name)).parameters.values():
         kind = str(parameter.annotation).removesuffix(" | None")
         known = kind in _CONVERTED or kind.startswith("Literal") or kind == "bool"
@@ -75,7 +75,7 @@ def test_every_type_is_checked(name):
 
 
 def test_options_mean_what_the_commands_mean():
-    """Assert that values, pairs, ends that are open and names in one text become settings."""
+    """Assert that values, pairs, open intervals and lists in one text become settings."""
 
     @entrance
     def options(known: Known, bounds: Bounds, terms: Terms, input_delay: AutoNumber):

@@ -1,4 +1,4 @@
-"""What `import flexid` offers: found when used, typed, documented, and as the commands have it."""
+"""Names offered by `import flexid`: loaded on use, typed, documented, consistent with commands."""
 
 import ast
 import inspect
@@ -22,12 +22,12 @@ LOADED = "import sys, flexid; print(*sorted({name.partition('.')[0] for name in 
 
 
 def offered(kind):
-    """Names of the front door that are functions, or classes."""
+    """Return the public names that are functions, or classes."""
     return [name for name in NAMES if kind(getattr(flexid, name))]
 
 
 def test_importing_loads_nothing():
-    """Assert that no other library is loaded before something is used."""
+    """Assert that no other library is loaded by the import alone."""
     done = subprocess.run(
         [sys.executable, "-c", LOADED], capture_output=True, text=True, check=True
     )
@@ -35,14 +35,14 @@ def test_importing_loads_nothing():
 
 
 def test_every_name_is_there_and_listed():
-    """Assert that each name can be had, and that completion shows it."""
+    """Assert that each name is available, and offered by completion."""
     for name in NAMES:
         assert getattr(flexid, name) is not None
     assert set(NAMES) <= set(dir(flexid))
 
 
 def test_types_and_run_time_agree():
-    """Assert that each import of the stub is found at run time."""
+    """Assert that each import of the stub exists at run time."""
     (package,) = flexid.__path__
     tree = ast.parse((Path(package) / "__init__.pyi").read_text(encoding="utf-8"))
     typed = {
@@ -57,13 +57,13 @@ def test_types_and_run_time_agree():
 
 
 def test_no_module_shadows_a_name():
-    """Assert that nothing that is imported from within takes the place of a function."""
+    """Assert that no imported module hides a function."""
     modules = {module.name for module in pkgutil.iter_modules(flexid.__path__)}
     assert not modules & set(NAMES)
 
 
 def test_a_misspelt_name_is_answered():
-    """Assert that Python can say which name is near."""
+    """Assert that Python proposes the nearest name."""
     with pytest.raises(AttributeError, match="identfy") as caught:
         getattr(flexid, "identfy")  # noqa: B009
     assert caught.value.name == "identfy"
@@ -72,14 +72,14 @@ def test_a_misspelt_name_is_answered():
 
 @pytest.mark.parametrize("name", [*offered(inspect.isfunction)])
 def test_every_argument_is_documented(name):
-    """Assert that a function's docstring has each of its parameters, and no others."""
+    """Assert that a function's docstring documents its parameters, and no others."""
     function = getattr(flexid, name)
     assert documented(function.__doc__) == set(inspect.signature(function).parameters)
 
 
 @pytest.mark.parametrize("name", [*offered(inspect.isclass)])
 def test_every_method_is_documented(name):
-    """Assert that what a class offers says what it is, with every parameter."""
+    """Assert that public methods are documented, with every parameter."""
     for member, thing in inspect.getmembers(getattr(flexid, name)):
         if member.startswith("_") or "flexid" not in (getattr(thing, "__module__", "") or "flexid"):
             continue
@@ -91,7 +91,7 @@ def test_every_method_is_documented(name):
 
 
 def documented(docstring):
-    """Names in the section on parameters of a docstring."""
+    """Return the names in the section on parameters of a docstring."""
     assert docstring
     section = re.search(
         r"\n *Parameters\n *-+\n(.*?)(\n *\n *\w+\n *-+\n|\Z)", docstring, re.DOTALL

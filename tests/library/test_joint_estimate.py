@@ -1,4 +1,4 @@
-"""What `identify` returns: numbers, frames, figures, files, and predictions of other logs."""
+"""The result of `identify`: values, frames, figures, files, and predictions of other logs."""
 
 import json
 import re
@@ -18,20 +18,20 @@ from flexid.errors import SettingError
 
 @pytest.fixture(scope="module")
 def estimate(example_estimate):
-    """What is found in it."""
+    """Return the estimate of the example."""
     return example_estimate
 
 
 @pytest.fixture(scope="module")
 def loaded(estimate, tmp_path_factory):
-    """The same, from a file."""
+    """Return the estimate, read from its file."""
     path = tmp_path_factory.mktemp("estimate") / "estimate.json"
     estimate.save(path)
     return flexid.load(path)
 
 
 def test_the_covariance_is_that_of_all_values(estimate):
-    """Assert that its diagonal gives the standard deviations, and that it is one of a ratio."""
+    """Assert that the covariance's diagonal gives the standard errors, and serves for ratios."""
     shown = {**estimate.parameters, **estimate.coefficients}
     deviations = np.sqrt(np.diag(estimate.covariance))
     np.testing.assert_allclose(deviations, [e.std for e in shown.values()], rtol=1e-9)
@@ -45,7 +45,7 @@ def test_the_covariance_is_that_of_all_values(estimate):
 
 
 def test_what_the_log_leaves_free_has_an_infinite_variance(estimate):
-    """Assert that an infinite variance stays one, alone; also of what was held, not fitted."""
+    """Assert that an infinite variance has no covariances, also for a constant not fitted."""
     lost = estimate.result.fit.without_knowledge_of({"theta1"})
     held = replace(estimate.parameters["joint_stiffness"], name="bend", std=np.inf, slopes={})
     parameters = {**estimate.parameters, "bend": held}
@@ -56,7 +56,7 @@ def test_what_the_log_leaves_free_has_an_infinite_variance(estimate):
 
 
 def test_values_as_a_frame(estimate):
-    """Assert that each value is a row, with ends at the level that was asked for."""
+    """Assert that each value is a row, with its interval at the requested level."""
     rows = {row["name"]: row for row in estimate.to_dataframe(level=0.5).to_dicts()}
     assert tuple(rows) == estimate.names
     low, high = estimate.intervals(0.5)["joint_stiffness"]
@@ -65,7 +65,7 @@ def test_values_as_a_frame(estimate):
 
 
 def test_it_shows_itself(estimate, loaded):
-    """Assert that a line, a text and a page have the parameters, and a warning no markup."""
+    """Assert that line, text and page show the parameters, and that warnings are escaped."""
     assert re.fullmatch(
         r"<JointEstimate: flexible joint, parameters: 5 determined.*>", repr(estimate)
     )
@@ -85,14 +85,14 @@ FIGURES = ("fit", "residuals", "bode")
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_figures_leave_matplotlib_as_it_is(estimate, name):
-    """Assert that a figure needs no display, leaves no setting, and takes given axes' place."""
+    """Assert that a figure needs no display, changes no settings, and can replace given axes."""
     before = dict(mpl.rcParams)
     figure = estimate.plot(name)
     assert isinstance(figure, Figure)
     assert figure.axes
     assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined] - in a notebook
     assert dict(mpl.rcParams) == before
-    assert plt.get_fignums() == []  # pyplot, which would choose a display, holds none
+    assert plt.get_fignums() == []  # pyplot, which would need a display, has no figure
     own = Figure()
     left, right = own.subplots(1, 2)
     middle = 0.5 * (left.get_position().x1 + right.get_position().x0)
@@ -105,7 +105,7 @@ def test_figures_leave_matplotlib_as_it_is(estimate, name):
 
 
 def test_what_a_figure_does_not_take_is_named(estimate, refusals):
-    """Assert that an option that there is not is refused in one sentence."""
+    """Assert that an invalid option is refused in one sentence."""
     calls = {
         "an option": ("bode", {"colour": "red"}),
         "axes": ("fit", {"ax": 3}),
@@ -115,7 +115,7 @@ def test_what_a_figure_does_not_take_is_named(estimate, refusals):
 
 
 def test_values_are_found_by_name(estimate):
-    """Assert that parameters and coefficients are items, and that a near name is proposed."""
+    """Assert that parameters and coefficients are items, and that a similar name is proposed."""
     assert estimate["joint_stiffness"] == estimate.parameters["joint_stiffness"]
     assert estimate["theta2"] == estimate.coefficients["theta2"]
     assert "theta2" in estimate
@@ -127,7 +127,7 @@ def test_values_are_found_by_name(estimate):
 
 
 def test_results_cannot_be_changed(estimate, loaded):
-    """Assert that no assignment corrupts an estimate."""
+    """Assert that an estimate is read-only."""
     for mapping in (estimate.parameters, estimate.coefficients, estimate.fit_percent):
         with pytest.raises(TypeError, match="assignment"):
             mapping["joint_stiffness"] = 3
@@ -138,7 +138,7 @@ def test_results_cannot_be_changed(estimate, loaded):
 
 
 def test_residuals_and_criteria(estimate, loaded):
-    """Assert that residuals are noise, that chi-square counts them, and what a file lacks."""
+    """Assert residuals at the noise, their chi-square and criteria, and none from a file."""
     assert np.std(estimate.residuals["motor_position"]) < 2e-4
     (recording,) = estimate.result.recordings
     assert estimate.chi_square == pytest.approx(2 * len(recording), rel=0.1)
@@ -151,7 +151,7 @@ def test_residuals_and_criteria(estimate, loaded):
 
 
 def test_it_is_held_against_a_log(estimate, loaded, examples, tmp_path):
-    """Assert that its own log is predicted to the noise, by estimate, file and arrays alike."""
+    """Assert that the log is predicted to its noise, by the estimate, a file or arrays."""
     log = examples / "flexible_joint.csv"
     found, frame = estimate.validate(log), pl.read_csv(log)
     arrays = loaded.validate({name: frame[name].to_numpy() for name in frame.columns})

@@ -1,4 +1,4 @@
-"""Whatever holds a log: the same samples from files, data frames, arrays and recordings."""
+"""All sources of a log: equal samples from files, data frames, arrays and recordings."""
 
 from datetime import date
 from functools import partial
@@ -18,7 +18,7 @@ NAMES = ("time [s]", "link_position [deg]", "motor_position [rad]", "motor_torqu
 
 @pytest.fixture(scope="module")
 def arrays():
-    """A log as arrays by name, one of them in degrees."""
+    """Return a log as arrays by name, one of them in degrees."""
     time = 1e-3 * np.arange(200)
     moved = np.sin(40.0 * time)
     link, torque = np.rad2deg(moved) + 0.3 * np.cos(90.0 * time), 3.0 * np.cos(35.0 * time)
@@ -36,7 +36,7 @@ KINDS = {
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_memory_is_read_as_a_file_is(arrays, tmp_path, kind):
-    """Assert that samples and units are those of the same log as a file."""
+    """Assert that samples and units equal those of the log's file."""
     path = tmp_path / "log.parquet"
     pl.DataFrame(arrays).write_parquet(path)
     wanted, found = flexid.read_log(path), flexid.read_log(KINDS[kind](arrays))
@@ -48,7 +48,7 @@ def test_memory_is_read_as_a_file_is(arrays, tmp_path, kind):
 
 
 def test_a_column_map_serves_a_frame(arrays, tmp_path):
-    """Assert that raw columns of a frame are found by the map."""
+    """Assert that a column map applies to a frame."""
     path = tmp_path / "map.toml"
     path.write_text('link_position = {column = "q", unit = "deg"}')
     frame = pl.DataFrame(arrays).rename({NAMES[1]: "q"})
@@ -60,7 +60,7 @@ def test_a_column_map_serves_a_frame(arrays, tmp_path):
 
 
 def test_an_index_with_a_name_is_a_column(arrays):
-    """Assert that a frame of pandas may have its time as index."""
+    """Assert that the time may be the index of a pandas frame."""
     frame = pd.DataFrame(arrays)
     expected = flexid.read_log(frame).recordings[0]
     (found,) = flexid.read_log(frame.set_index(NAMES[0])).recordings
@@ -70,7 +70,7 @@ def test_an_index_with_a_name_is_a_column(arrays):
 
 
 def test_the_same_data_twice_are_known(arrays):
-    """Assert that what was given in two ways has one digest, and other data another."""
+    """Assert that the digest depends on the data and not on their form."""
     digests = {flexid.read_log(KINDS[kind](arrays)).sha256 for kind in KINDS}
     assert len(digests) == 1
     other = {**arrays, NAMES[3]: arrays[NAMES[3]] + 1e-9}
@@ -78,7 +78,7 @@ def test_the_same_data_twice_are_known(arrays):
 
 
 def test_a_log_is_taken_as_it_is(arrays):
-    """Assert that a log or a recording is not read again, and that a list may mix all kinds."""
+    """Assert that a log or a recording is used unchanged, and that a list may mix all kinds."""
     log = flexid.read_log(arrays)
     assert flexid.read_log(log) is log
     (recording,) = log.recordings
@@ -108,12 +108,12 @@ COLUMNS = {
 
 
 def test_what_holds_no_log(refusals):
-    """Assert that the answer says what was given, and what a log may be, or which column is bad."""
+    """Assert that the message names the argument and valid kinds of logs, or the bad column."""
     refusals(
         {name: partial(flexid.identify, given) for name, given in NO_LOG.items()}
         | {name: partial(flexid.read_log, given) for name, given in COLUMNS.items()}
     )
-    # In the words of the library that makes the table.
+    # The message of the library that makes the table.
     with pytest.raises(RecordingError, match="motor_torque"):
         flexid.read_log({"time": [0.0, 1.0], "motor_torque": [1.0]})
     with pytest.raises(RecordingError, match="'time' 2 times"):
@@ -121,7 +121,7 @@ def test_what_holds_no_log(refusals):
 
 
 def test_a_map_for_what_was_read_is_refused(arrays, tmp_path):
-    """Assert that a column map is not ignored in silence."""
+    """Assert that a column map for an existing log is refused instead of ignored."""
     log = flexid.read_log(arrays)
     with pytest.raises(SettingError, match="columns"):
         flexid.read_log(log, columns=tmp_path / "map.toml")
@@ -129,7 +129,7 @@ def test_a_map_for_what_was_read_is_refused(arrays, tmp_path):
 
 @pytest.mark.parametrize(("most", "said"), [(199, ["200 samples take minutes"]), (200, [])])
 def test_many_samples_are_said_to_take_long(arrays, monkeypatch, caplog, most, said):
-    """Assert that a log of more samples is announced at once, and no shorter one."""
+    """Assert that a long log is announced at the start, and no shorter one."""
     monkeypatch.setattr("flexid.library.identify._MANY", most)
     monkeypatch.setattr("flexid.identification.identify.identify", lambda *_: None)
     caplog.set_level("INFO", "flexid")

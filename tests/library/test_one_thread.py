@@ -1,4 +1,4 @@
-"""Linear algebra has one thread while flexid works, and as many as before afterwards."""
+"""Linear algebra has one thread during a call, and the former number afterwards."""
 
 import os
 import subprocess
@@ -41,7 +41,7 @@ CALLS = {
 
 @pytest.mark.parametrize("call", CALLS)
 def test_whoever_calls_gets_one_thread(examples, call):
-    """Assert that the work is done with one thread, where others would take two."""
+    """Assert that a call uses one thread, with two for other code."""
     others = {name: value for name, value in os.environ.items() if name != "OMP_NUM_THREADS"}
     script = REPORT.replace("RUN", CALLS[call])
     done = subprocess.run(
@@ -55,7 +55,7 @@ def test_whoever_calls_gets_one_thread(examples, call):
 
 
 class Limits:
-    """Stands for the library that limits threads; counts how often it was asked."""
+    """Stand-in for the library that limits threads, with a count of calls."""
 
     made = 0
     restored = 0
@@ -65,12 +65,12 @@ class Limits:
         type(self).made += 1
 
     def restore_original_limits(self):
-        """Take note."""
+        """Count the call."""
         type(self).restored += 1
 
 
 def test_calls_at_once_share_a_limit(monkeypatch):
-    """Assert that the last call to end takes the limit back, whichever began first."""
+    """Assert that overlapping calls share one limit, removed by the last to end."""
     monkeypatch.setattr("threadpoolctl.threadpool_limits", Limits)
     first_is_in, second_is_in = threading.Event(), threading.Event()
 

@@ -1,4 +1,4 @@
-"""`flexid.watch`: fed or following, as the command is."""
+"""`flexid.watch`, with samples fed or a source followed, as the command."""
 
 from functools import partial
 from pathlib import Path
@@ -15,12 +15,12 @@ PAPER = {"terms": ("gravity", "motor_viscous"), "hold": "linear"}
 
 @pytest.fixture(scope="module")
 def samples():
-    """Samples of the example."""
+    """Return the samples of the example."""
     return flexid.samples(LOG)[0]
 
 
 def channels(samples, part=slice(None)):
-    """Channels as keywords."""
+    """Return the channels as keywords."""
     return {
         "link_position": samples.positions[part, 0],
         "motor_position": samples.positions[part, 1],
@@ -29,7 +29,7 @@ def channels(samples, part=slice(None)):
 
 
 def test_fed_one_by_one(samples):
-    """Assert that samples may come as plain numbers, and that reading changes nothing."""
+    """Assert that samples may be plain numbers, and that reading results changes nothing."""
     one, block = flexid.watch(sample_time=1e-3, **PAPER), flexid.watch(sample_time=1e-3, **PAPER)
     assert one.health.health is flexid.Health.CONVERGING
     assert "no sample" in one.health.reason
@@ -46,7 +46,7 @@ def test_fed_one_by_one(samples):
 
 
 def test_a_source_that_cannot_be_read_on(tmp_path, monkeypatch):
-    """Assert that a turn with all that came before precedes the error."""
+    """Assert that all samples before a read error are processed."""
     text = "".join(LOG.read_text().splitlines(keepends=True)[:3001])
 
     def fails(*_, **__):
@@ -62,7 +62,7 @@ def test_a_source_that_cannot_be_read_on(tmp_path, monkeypatch):
 
 
 def test_what_is_not_fed_or_followed(samples, refusals):
-    """Assert that what has a source is not fed, and bad samples or no source are refused."""
+    """Assert that a followed source cannot be fed, and that bad samples or sources are refused."""
     watch, unfed = (flexid.watch(sample_time=1e-3, **PAPER) for _ in range(2))
     watch.feed(**channels(samples, slice(10)))
     calls = {

@@ -1,4 +1,4 @@
-"""The fenced blocks of a page, and what is to be done with each.
+"""The fenced blocks of a page, and how each is treated.
 
 The line before a block may give the file that a reader saves it as::
 
@@ -27,8 +27,8 @@ _FENCE = re.compile(r"(`{3,})(.*)")
 class Block:
     """A fenced block of a page.
 
-    ``line`` is that of its first line of text, ``follows`` whether nothing but blank lines stands
-    between it and the block before.
+    ``line`` is its first line of text. ``follows`` is whether only blank lines separate it from the
+    block before.
     """
 
     language: str
@@ -40,7 +40,7 @@ class Block:
 
 
 def page_name(page: Path) -> str:
-    """Return how a page is called in this repository."""
+    """Return a page's name in this repository."""
     return page.relative_to(ROOT).as_posix()
 
 

@@ -1,4 +1,4 @@
-"""Whether something printed is what a page shows."""
+"""Comparison of printed output with that shown on a page."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ _RULE = re.compile(r"[─━═]+")
 def agrees(shown: str, printed: str) -> bool:
     """Return whether a page shows what was printed.
 
-    Words are compared one by one, so that neither widths of columns nor breaks of lines matter, and
-    ``...`` stands for any number of them. A number agrees to the digits shown, the last of which
-    may be off by one; a whole number below 100 counts something, and is the same.
+    Words are compared one by one, so that widths of columns and breaks of lines do not matter, and
+    ``...`` stands for any number of words. A number agrees if its last digit shown is off by at
+    most one. Whole numbers below 100 are counts and must be equal.
     """
     return _matches(_words(shown), _words(printed))
 
@@ -49,5 +49,5 @@ def _number_agrees(shown: str, printed: str) -> bool:
     value = float(shown.replace("−", "-"))
     counts = decimals == 0 and not exponent and abs(value) < 100
     unit = 0.0 if counts else 10.0 ** (int(exponent or 0) - decimals)
-    # A hundredth of the last digit is room for the binary of a decimal.
+    # A hundredth of the last digit allows for binary rounding.
     return abs(value - float(printed.replace("−", "-"))) <= 1.01 * unit

@@ -1,4 +1,4 @@
-"""Run the blocks of a page one after the other, as a reader would who types them in."""
+"""Run the blocks of a page in order, as a reader would."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from page_output import agrees
 
 from flexid.cli.main import main
 
-# What Sphinx reads, and the build of the pages checks.
+# Directives of Sphinx, checked by the build of the pages.
 _DIRECTIVES = "{"
 
-# What only a shell can do.
+# Syntax that only a shell can run.
 _SHELL = {"|", "||", "&&", ">", "<"}
 
 
 class PageError(AssertionError):
-    """A block that does not run, or that prints something else than the page shows."""
+    """A block that fails, or whose output differs from the page."""
 
 
 @dataclass
 class Reader:
-    """Someone who follows a page: variables of Python, the last exit status, what was printed."""
+    """State of a page's reader: variables of Python, the last exit status, the last output."""
 
     page: str
     names: dict[str, Any]
@@ -41,7 +41,7 @@ class Reader:
     printed: str | None = None
 
     def follow(self, block: Block) -> None:
-        """Do what a block says, and compare what it prints with what the page shows."""
+        """Run a block, and compare its output with the page."""
         before, self.printed = self.printed, None
         if block.language.startswith(_DIRECTIVES) or block.not_run is not None:
             return
@@ -78,20 +78,20 @@ class Reader:
         self._leave(block.line)
 
     def _leave(self, line: int, printed: str = "") -> None:
-        """Fail where a command failed and the page does not say so."""
+        """Fail if a command failed and the page does not show it."""
         if self.status:
             raise PageError(f"{self.page}:{line}: exit status {self.status}\n{printed}")
 
     def _execute(self, block: Block) -> None:
-        """Run Python with the variables of the blocks before."""
-        # Empty lines, so that a traceback has the line of the page.
+        """Run Python with the variables of earlier blocks."""
+        # Empty lines give a traceback the page's line numbers.
         code = compile("\n" * (block.line - 1) + block.text, self.page, "exec")
         with _captured() as output:
             exec(code, self.names)
         self.printed = output.getvalue()
 
     def _compare(self, line: int, shown: str, printed: str) -> None:
-        """Fail where a page shows something else than was printed."""
+        """Fail if the output differs from the page."""
         if not agrees(shown, printed):
             raise PageError(f"{self.page}:{line}: shown is\n{shown}\nbut printed is\n{printed}")
 
@@ -99,7 +99,7 @@ class Reader:
 def run_page(page: str, found: list[Block], folder: Path) -> None:
     """Run the blocks of a page in an empty folder, with the examples of this repository.
 
-    A block that does not run, or prints something else than the page shows, is a `PageError`.
+    A block that fails, or whose output differs from the page, is a `PageError`.
     """
     for shared in ("examples", "experiments"):
         (folder / shared).symlink_to(ROOT / shared)
@@ -145,7 +145,7 @@ def _command(command: str) -> tuple[int, str]:
 
 
 def _flexid(words: list[str]) -> tuple[int, str]:
-    """Run ``flexid`` in this process, which has its kernels at hand."""
+    """Run ``flexid`` in this process, whose kernels are loaded."""
     status = 0
     with _captured() as output, patch.object(sys, "argv", words):
         try:
@@ -157,7 +157,7 @@ def _flexid(words: list[str]) -> tuple[int, str]:
 
 @contextlib.contextmanager
 def _captured() -> Iterator[io.StringIO]:
-    """Collect what is printed, errors among it as in a terminal."""
+    """Collect output and errors, as in a terminal."""
     output = io.StringIO()
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
         yield output

@@ -1,4 +1,4 @@
-"""Every block of code in README and documentation runs, and prints what the page shows."""
+"""All blocks of code in README and documentation run, with the output shown."""
 
 import json
 import shutil
@@ -9,7 +9,7 @@ import pytest
 from page_blocks import PAGES, ROOT, blocks, page_name
 from run_page import run_page
 
-NEEDED = {"docs/export.md": "gcc"}  # what a page calls that a machine may not have
+NEEDED = {"docs/export.md": "gcc"}  # programs used by a page that may be missing
 
 README, *OTHERS = PAGES
 EACH = [README, *(pytest.param(page, marks=pytest.mark.thorough) for page in OTHERS)]
@@ -17,7 +17,7 @@ EACH = [README, *(pytest.param(page, marks=pytest.mark.thorough) for page in OTH
 
 @pytest.mark.parametrize("page", EACH, ids=page_name)
 def test_page_runs(page: Path, tmp_path: Path) -> None:
-    """Assert that the blocks of a page run in their order and print what it shows."""
+    """Assert that the blocks of a page run in order, with the output shown."""
     program = NEEDED.get(page_name(page))
     if program is not None and shutil.which(program) is None:
         pytest.skip(f"{program} is not installed")
@@ -30,7 +30,7 @@ NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 @pytest.mark.thorough
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=page_name)
 def test_notebook_runs(notebook: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Assert that the cells of a notebook run in their order."""
+    """Assert that the cells of a notebook run in order."""
     monkeypatch.chdir(notebook.parent)
     cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
     code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
@@ -41,7 +41,7 @@ def test_notebook_runs(notebook: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_blocks_that_are_not_run(golden: Callable[[dict[str, str]], None]) -> None:
-    """Assert that no block is left out without being noticed."""
+    """Assert that blocks which are not run are listed."""
     left_out = {
         page_name(page): [one.not_run for one in blocks(page.read_text(encoding="utf-8"))]
         for page in PAGES

@@ -1,4 +1,4 @@
-"""Files, tests and thresholds that pages name exist, with the values that the pages give."""
+"""Files, tests and thresholds named on pages exist, with the values given."""
 
 import re
 from itertools import zip_longest
@@ -13,7 +13,7 @@ PLACES = (ROOT, ROOT / "src" / "flexid", ROOT / "src" / "flexid" / "derivation")
 
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
 def test_files_exist(page):
-    """Assert that every file of the repository that a page names is where it says."""
+    """Assert that every file of the repository named on a page exists."""
     text = page.read_text(encoding="utf-8")
     named = set(re.findall(r"`([\w./-]+/[\w.-]*\w\.(?:py|toml|csv|md|json))`", text))
     named = {one for one in named if one.partition("/")[0] in FOLDERS}
@@ -24,7 +24,7 @@ FOLDERS = {path.name for place in PLACES for path in place.iterdir() if path.is_
 
 
 def test_every_fault_has_a_test():
-    """Assert that no row of the tables of faults is without a test."""
+    """Assert that each row of the tables of faults has a test."""
     page = (ROOT / "docs" / "reliability.md").read_text(encoding="utf-8")
     rows = [
         line for line in page.partition("## Mutation testing")[0].splitlines() if line[:1] == "|"

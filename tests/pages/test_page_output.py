@@ -1,4 +1,4 @@
-"""The comparison of what a page shows with what was printed."""
+"""Comparison of a page's output with the printed one."""
 
 import pytest
 from page_output import agrees
@@ -7,7 +7,7 @@ from page_output import agrees
 @pytest.mark.parametrize(
     ("shown", "printed", "alike"),
     [
-        # Layout, elisions and the digit after the last shown make no difference.
+        # Layout, elisions and the digit after the last shown do not matter.
         ("a  b\nc", "a b c", True),
         ("value 5.0000", "value 4.9999969", True),
         ("value 452 [196, 709]", "value 453 [196, 708]", True),
@@ -17,7 +17,7 @@ from page_output import agrees
         ("... b ... b ... b", "b b b", True),
         (" name\n ────\n x", "name\n──────\nx", True),
         ("5 samples", "5 samples", True),
-        # Another word, number or sign does, and so does something that is missing.
+        # Another word, number or sign matters, and a missing one.
         ("value 5.0000", "value 5.0002", False),
         ("a b", "a b c", False),
         ("a\n...\nd", "a b c", False),
@@ -30,5 +30,5 @@ from page_output import agrees
     ],
 )
 def test_agrees(shown: str, printed: str, alike: bool) -> None:
-    """Assert what a page may show of what was printed."""
+    """Assert which output agrees with a page."""
     assert agrees(shown, printed) is alike

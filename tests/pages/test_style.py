@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from page_blocks import PAGES, ROOT, page_name
 
-LINE = 100  # characters of a line of prose
+LINE = 100  # characters per line of prose
 SENTENCE = 40  # words
 MANUAL_PAGES, MANUAL_WORDS = 25, 35_000
 README_LINES = 120
@@ -24,7 +24,7 @@ PROSE_PAGES = (*PAGES, ROOT / "CHANGELOG.md", ROOT / "SECURITY.md")
 
 
 def prose_lines(page: Path) -> list[tuple[int, str]]:
-    """The lines of a page with their numbers, without code, equations, tables and comments."""
+    """Return the lines of a page with numbers, without code, equations, tables and comments."""
     found: list[tuple[int, str]] = []
     fence = ""
     for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), start=1):
@@ -40,7 +40,7 @@ def prose_lines(page: Path) -> list[tuple[int, str]]:
 
 
 def sentences(page: Path) -> list[tuple[int, str]]:
-    """The sentences of a page's prose with the lines at which their paragraphs begin."""
+    """Return the sentences of a page's prose, with the lines of their paragraphs."""
     paragraphs: list[tuple[int, list[str]]] = []
     begins = True
     for number, line in prose_lines(page):
@@ -58,7 +58,7 @@ def sentences(page: Path) -> list[tuple[int, str]]:
 
 
 def _plain(text: str) -> str:
-    """Prose as one reads it: links without addresses, code and formulas as one word each."""
+    """Return prose without addresses of links, with code and formulas as one word each."""
     text = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", text)
     text = re.sub(r"`[^`]*`", "CODE", text)
     return re.sub(r"\$[^$]*\$", "FORMULA", text)
@@ -66,7 +66,7 @@ def _plain(text: str) -> str:
 
 @pytest.mark.parametrize("page", PROSE_PAGES, ids=page_name)
 def test_prose_can_be_read(page: Path) -> None:
-    """Assert that lines fit an editor, sentences take one breath, and words are standard."""
+    """Assert the length of lines and sentences, and standard words."""
     faults = [f"{at}: {line}" for at, line in prose_lines(page) if len(line) > LINE]
     for at, sentence in sentences(page):
         if len([word for word in sentence.split() if re.search(r"\w", word)]) > SENTENCE:
@@ -76,7 +76,7 @@ def test_prose_can_be_read(page: Path) -> None:
 
 
 def test_the_manual_is_short() -> None:
-    """Assert that the manual can be read in a few evenings, and the README at one glance."""
+    """Assert the maximum lengths of the manual and of the README."""
     manual = [page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md")]
     assert len(manual) <= MANUAL_PAGES
     assert sum(len(text.split()) for text in manual) <= MANUAL_WORDS

@@ -1,4 +1,4 @@
-"""Control laws, (11) among them, references, and loops whose parts fit together."""
+"""Control laws, among them eq. (11), references, and loops of compatible parts."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,9 +22,9 @@ UNKNOWN = {name: TRUE[name] for name in JOINT.coefficients}
 
 @pytest.mark.parametrize("target", [-2.5, 1.0, 3.0])
 def test_settles_at_the_reference(target: float) -> None:
-    """Assert that with the true gravity the joint comes to rest where it shall, held by gravity."""
+    """Assert that with the true gravity the joint settles at the reference, gravity balanced."""
     law = pd_gravity(40.0, 8.0, {"gravity_torque": 5.0, "joint_stiffness": 100.0})
-    held = sinusoid(0.0, 5.0, offset=target)  # of which other tests compile the loop as well
+    held = sinusoid(0.0, 5.0, offset=target)  # other tests compile this loop too
     loop = ClosedLoop(JOINT, UNKNOWN, law, held, {"link": 1.0, "motor": 1.0})
     run = simulate(loop, 60.0, 0.1)
     deflection = 5.0 * np.sin(target) / 100.0
@@ -36,7 +36,7 @@ def test_settles_at_the_reference(target: float) -> None:
     ("name", "value"), [("k", 10.0), ("largest_link_inertia", 3.0), ("largest_motor_inertia", 0.1)]
 )
 def test_gains_follow_the_parameters(name: str, value: float) -> None:
-    """Assert that a law with another parameter has the gains of a law that was made with it."""
+    """Assert that a changed parameter gives the gains of a law created with it."""
     law = robust_law()
     made: dict[str, Any] = {name: value}
     changed = replace(law, parameters={**law.parameters, **made})
@@ -51,7 +51,7 @@ TWO_TONES = Multisine([3.0, 0.5], [5.0, 13.2], [0.3, -1.1], 0.7)
 @pytest.mark.parametrize("reference", [sinusoid(3.0, 5.0), TWO_TONES, constant(1.2)])
 @pytest.mark.parametrize("order", range(6))
 def test_evaluation_is_derivative_of_text(reference: Multisine, order: int) -> None:
-    """Assert that NumPy's value of every derivative is that of the text, differentiated."""
+    """Assert that NumPy's value of every derivative equals the differentiated text's."""
     text = to_sympy(reference.expression, {"t", *reference.parameters})
     values = [(symbol(name), value) for name, value in reference.parameters.items()]
     derivative = sp.diff(text, symbol("t"), order).subs(values)
@@ -64,7 +64,7 @@ ARM = ParametricSystem("arm", (Row("arm", "q", "v", {"gravity": "-sin(q)"}, know
 
 
 def declared(law: str, tracked: str = "q", name: str = "u", taken: str = "gain") -> LoopDeclaration:
-    """A loop of an arm with a law."""
+    """Return the declaration of an arm's loop with a law."""
     controller = Controller("law", tracked, {name: law}, {taken: 1.0})
     return LoopDeclaration(ARM, controller, constant(1.0))
 
@@ -82,19 +82,19 @@ REFUSED: dict[str, Callable[[], object]] = {
 
 
 def test_laws_that_do_not_fit(refusals: Any) -> None:
-    """Assert that a law with a wrong value, expression or name is refused by what is wrong."""
+    """Assert that a law with a wrong value, expression or name is refused with the reason."""
     refusals(REFUSED)
 
 
 def test_values_do_not_change_the_digest() -> None:
-    """Assert that a law with other values is the same derivation, another expression is not."""
+    """Assert that the digest ignores values of a law, and depends on its expressions."""
     law = robust_law()
     assert robust_law(k=10.0).digest == law.digest
     assert Controller("law", "q", {"u": "-v"}).digest != Controller("law", "q", {"u": "-q"}).digest
 
 
 def test_feedforward_is_the_torque_of_the_nominal_joint() -> None:
-    """Assert that u_N = Jr w2N' + mu w2N + ke (w1N - qd), which puts Jr before the bracket."""
+    """Assert that u_N = Jr w2N' + mu w2N + ke (w1N - qd), with Jr before the bracket."""
     time = sp.Symbol("t")
     gravity, link, motor, friction, stiffness = sp.symbols("mgl Jl Jr mu ke", positive=True)
     q = sp.Function("q")(time)
@@ -114,7 +114,7 @@ def test_feedforward_is_the_torque_of_the_nominal_joint() -> None:
 
 
 def test_feedforward_moves_the_exact_joint_along_the_reference() -> None:
-    """Assert that x1 = qd, x3 = w1N solves eq. (4) under u_N where the parameters are exact."""
+    """Assert that x1 = qd, x3 = w1N solves eq. (4) under u_N for exact parameters."""
     time = sp.Symbol("t")
     gravity, link, motor, friction, stiffness = sp.symbols("mgl Jl Jr mu ke", positive=True)
     q = sp.Function("q")(time)
@@ -128,7 +128,7 @@ def test_feedforward_moves_the_exact_joint_along_the_reference() -> None:
 
 
 def test_link_angle_has_relative_degree_four() -> None:
-    """Assert that the torque first enters the fourth derivative of x1: no zero dynamics."""
+    """Assert that the torque first appears in the fourth derivative of x1: no zero dynamics."""
     x1, x2, x3, x4, u = states = sp.symbols("x1 x2 x3 x4 u")
     t1, t2, a1, a2, b1 = sp.symbols("theta1 theta2 alpha1 alpha2 beta1", positive=True)
     rates = sp.Matrix(

@@ -26,7 +26,7 @@ def condition_number(amplitude: float, second_tone: float = 0.0) -> float:
 
 
 def test_printed_12_does_not_follow_from_dependence() -> None:
-    """Assert that eq. (12) is no integral of x2' = -K sin x1 over time, but one of dx2/dx1."""
+    """Assert that eq. (12) integrates x2' = -K sin x1 over x1 (dx2/dx1) instead of over time."""
     time, factor = sp.symbols("t K")
     x1 = sp.Function("x1")(time)
     x2 = x1.diff(time)
@@ -44,7 +44,7 @@ def test_dependence_makes_the_link_a_free_pendulum() -> None:
 
 
 def test_a_sinusoid_is_no_pendulum_motion() -> None:
-    """Assert that A sin wt cannot solve x1'' = -K sin x1: its third harmonic A^3/24 K is left."""
+    """Assert that A sin wt does not solve x1'' = -K sin x1: a third harmonic A^3/24 K remains."""
     phase = sp.Symbol("s", real=True)
     amplitude, factor, w = sp.symbols("A K w", positive=True)
     motion = amplitude * sp.sin(phase)
@@ -54,7 +54,7 @@ def test_a_sinusoid_is_no_pendulum_motion() -> None:
 
 
 def test_deflection_and_motor_velocity_differ_in_parity() -> None:
-    """Assert that along x1 = A sin wt the deflection is odd in time and x4 even: no multiples."""
+    """Assert that along x1 = A sin wt the deflection is odd in time and x4 even."""
     time = sp.Symbol("t", real=True)
     amplitude, w, gravity, spring = sp.symbols("A w theta1 theta2", positive=True)
     x1 = amplitude * sp.sin(w * time)
@@ -67,7 +67,7 @@ def test_deflection_and_motor_velocity_differ_in_parity() -> None:
 
 @pytest.mark.parametrize(("amplitude", "expected"), [(0.3, 1.8e5), (3.0, 5.8)])
 def test_condition_number_of_one_sinusoid(amplitude: float, expected: float) -> None:
-    """Assert how well one tone of 5 rad/s tells theta1 from theta2 at two amplitudes."""
+    """Assert the condition number of theta1 and theta2 for one tone of 5 rad/s, two amplitudes."""
     assert condition_number(amplitude) == pytest.approx(expected, rel=0.02)
 
 
@@ -81,5 +81,5 @@ def test_condition_number_grows_with_the_fourth_power_of_a_small_amplitude() -> 
 
 @pytest.mark.parametrize("amplitude", [0.01, 0.1, 1.0])
 def test_a_second_tone_separates_the_coefficients_at_any_amplitude(amplitude: float) -> None:
-    """Assert that a fifth of the amplitude at 2.65 times the frequency brings it to 5."""
+    """Assert that a tone of a fifth of the amplitude, 2.65 times the frequency, lowers it to 5."""
     assert condition_number(amplitude, second_tone=0.2) == pytest.approx(5.0, rel=0.05)

@@ -1,6 +1,6 @@
-"""Which signs and brackets of eqs. (3) and (6) of Huang (2003) give the error dynamics (7).
+"""Signs and brackets of eqs. (3) and (6) of Huang (2003) that give the error dynamics (7).
 
-The equations are written down apart from the library's own derivation.
+The equations are written independently of the library's derivation.
 """
 
 import pytest
@@ -31,13 +31,13 @@ def along_motion(expression: sp.Matrix) -> sp.Matrix:
 
 
 def link_error_rate(y_rate: sp.Matrix) -> sp.Matrix:
-    """Return what eq. (5) and a given y' make of the rate of theta-hat, less eq. (7)'s."""
+    """Return the rate of theta-hat by eq. (5) and a given y', minus the rate by eq. (7)."""
     wanted = -c1 * f * (f.T * (theta_hat - theta))
     return (y_rate + along_motion(link_immersion) - wanted).applyfunc(sp.expand)
 
 
 def motor_error_rate(z_rate: sp.Matrix) -> sp.Matrix:
-    """Return what eq. (5) and a given z' make of the rate of alpha-hat, less eq. (7)'s."""
+    """Return the rate of alpha-hat by eq. (5) and a given z', minus the rate by eq. (7)."""
     wanted = -c2 * phi * (phi.T * (alpha_hat - alpha))
     return (z_rate + along_motion(motor_immersion) - wanted).applyfunc(sp.expand)
 
@@ -46,7 +46,7 @@ zero = sp.zeros(2, 1)
 s = theta_hat[0] * sp.sin(x1) + theta_hat[1] * (x1 - x3)
 r = alpha_hat[0] * (x1 - x3) - alpha_hat[1] * x4 + beta1 * u
 
-# The sums of eq. (3) times c1 and c2: the immersions' rates without the row's own acceleration.
+# The sums of eq. (3) times c1 and c2: rates of the immersions without the row's acceleration.
 link_cancelling = link_immersion.jacobian([x1, x3]) * sp.Matrix([x2, x4])
 motor_cancelling = motor_immersion.jacobian([x1, x3]) * sp.Matrix([x2, x4])
 
@@ -75,13 +75,13 @@ def equation_6(link_gain: sp.Expr, motor_gain: sp.Expr) -> tuple[sp.Matrix, sp.M
     "rates", [equation_3(sign=+1), equation_6(link_gain=-c1, motor_gain=-c2)], ids=["(3)", "(6)"]
 )
 def test_what_gives_7(rates: tuple[sp.Matrix, sp.Matrix]) -> None:
-    """Assert that a plus before the sums of (3), or brackets in (6), give (7) for any c1, c2."""
+    """Assert that a plus before the sums of (3), or brackets in (6), gives (7) for any c1, c2."""
     assert link_error_rate(rates[0]) == zero
     assert motor_error_rate(rates[1]) == zero
 
 
 def test_minus_before_the_sum_in_3_leaves_twice_the_sum() -> None:
-    """Assert that eq. (3) as printed, with a minus sign, misses eq. (7) by twice the sums."""
+    """Assert that eq. (3) as printed, with a minus sign, differs from eq. (7) by twice the sums."""
     y_rate, z_rate = equation_3(sign=-1)
     assert link_error_rate(y_rate) == (2 * link_cancelling).applyfunc(sp.expand) != zero
     assert motor_error_rate(z_rate) == (2 * motor_cancelling).applyfunc(sp.expand) != zero
@@ -89,7 +89,7 @@ def test_minus_before_the_sum_in_3_leaves_twice_the_sum() -> None:
 
 @pytest.mark.parametrize("gain", [sp.Rational(1, 2), sp.Integer(1), sp.Integer(3)])
 def test_6_as_printed_is_wrong_for_every_gain(gain: sp.Expr) -> None:
-    """Assert that without brackets eq. (6) misses eq. (7) by (1 + c) times its second terms."""
+    """Assert that without brackets eq. (6) differs from (7) by (1 + c) times its second terms."""
     y_rate, z_rate = equation_6(link_gain=sp.Integer(1), motor_gain=sp.Integer(1))
     link_miss = sp.Matrix([sp.cos(x1) * x2**2, (x2 - x4) * x2]) * -(1 + gain)
     motor_miss = sp.Matrix([(x2 - x4) * x4, 0]) * (1 + gain)

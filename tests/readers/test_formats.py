@@ -1,4 +1,4 @@
-"""The registry of formats: every list of them derives from it."""
+"""The registry of formats, from which all lists of formats derive."""
 
 from importlib import import_module
 from pathlib import Path
@@ -12,7 +12,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "logs.md"
 
 @pytest.mark.parametrize("one", FORMATS, ids=lambda one: one.name)
 def test_a_format(one: Format):
-    """Assert that a format has a function, ends of names of its own, and a row in the docs."""
+    """Assert that a format has a function, its own suffixes, and a row in the docs."""
     assert callable(import_module(one.module).read)
     for suffix in one.suffixes:
         assert format_of(Path(f"log{suffix.upper()}")) == one
@@ -30,7 +30,7 @@ def test_text():
 
 
 def test_a_folder(tmp_path: Path):
-    """Assert that a folder is of the format of the bags in it."""
+    """Assert that a folder has the format of the bags in it."""
     assert format_of(tmp_path) is None
     (tmp_path / "a.db3").write_bytes(b"")
     found = format_of(tmp_path)

@@ -1,4 +1,4 @@
-"""The child process that reads: whatever it does, the answer is a log or one sentence."""
+"""The child process that reads files: for any failure, a log or one sentence."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -35,7 +35,7 @@ Readers = Callable[[str], Path]
 
 @pytest.fixture
 def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Readers:
-    """Register a reader of files that end in ``.odd`` by its source, and make such a file."""
+    """Register a reader of ``.odd`` files by its source, and write such a file."""
     name = f"odd_{abs(hash(tmp_path))}"
     folder = tmp_path / "modules"
     folder.mkdir()
@@ -54,7 +54,7 @@ def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Readers:
 
 
 def test_one_function_and_one_line(reader: Readers):
-    """Assert that a function `read` and a registration are a format, whatever a library prints."""
+    """Assert that a function `read` and a registration are a format, even if a library prints."""
     source = "import os\ndef read(path):\n    print('{'); os.write(1, b'noise'); return table()"
     table = table_of_file(reader(source), None)
     assert table.names == ("time", "motor_position", "link_position")
@@ -85,8 +85,8 @@ def test_one_function_and_one_line(reader: Readers):
 def test_what_a_reader_may_do(
     reader: Readers, body: str, words: str, monkeypatch: pytest.MonkeyPatch
 ):
-    """Assert that a crash, a bomb, a hang and an error are one sentence."""
-    if words == "the limit of memory or time":  # a hang, for which no answer is waited
+    """Assert that a crash, excessive memory, a hang and an error give one sentence."""
+    if words == "the limit of memory or time":  # a hang, stopped after the time limit
         monkeypatch.setattr(guard, "LIMITS", guard.LIMITS._replace(silence=1.0, processor=1.0))
     assert words in refused(table_of_file, reader(f"def read(path):\n    {body}"), None)
 
@@ -103,7 +103,7 @@ def test_what_a_reader_may_do(
     ids=lambda value: value[:30],
 )
 def test_what_a_reader_may_do_later(reader: Readers, body: str, words: str):
-    """Assert that the parts before are handed over, and then one sentence."""
+    """Assert that earlier parts are returned, and then one sentence."""
     path = reader(f"def fail():\n    {body}\n{PARTS}")
     tables = tables_of_file(path, None, 25)
     assert [next(tables).frame.height for _ in range(2)] == [25, 25]
@@ -112,7 +112,7 @@ def test_what_a_reader_may_do_later(reader: Readers, body: str, words: str):
 
 
 def test_too_much_at_once(reader: Readers):
-    """Assert that an answer of more bytes than a limit is not read, nor a file that is larger."""
+    """Assert that a result or a file beyond a limit of bytes is refused."""
     source = "def read(path):\n    return pl.concat([table()] * 10_000)"
     assert "exceeds the limit of memory or time" in refused(table_of_file, reader(source), None)
     path = reader("")
@@ -122,7 +122,7 @@ def test_too_much_at_once(reader: Readers):
 
 
 def test_a_child_ends_with_its_reading(reader: Readers):
-    """Assert that no process is left, whether a file is read to its end or not."""
+    """Assert that no process remains after reading, complete or not."""
     path = reader("def read(path): return table()")
     with Reading(path) as reading:
         next(reading.frames(["time"], 10))
@@ -133,7 +133,7 @@ def test_a_child_ends_with_its_reading(reader: Readers):
 
 
 def test_modules_beside_a_log_are_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that the folder of a log lends no module to the process that reads it."""
+    """Assert that modules in the folder of a log are not imported."""
     pl.DataFrame({"time": [0.0], "motor_position": [0.0]}).write_parquet(tmp_path / "a.parquet")
     (tmp_path / "json.py").write_text("open('was_run', 'w')")
     monkeypatch.chdir(tmp_path)
@@ -148,7 +148,7 @@ def test_modules_beside_a_log_are_not_run(tmp_path: Path, monkeypatch: pytest.Mo
 def test_without_a_package(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, package: str, name: str, extra: str
 ):
-    """Assert that where the library of a format is not installed its extra is named."""
+    """Assert that a missing library is reported with its extra."""
     stub = f"raise ModuleNotFoundError('no', name={package!r})"
     (tmp_path / f"{package}.py").write_text(stub)
     monkeypatch.syspath_prepend(tmp_path)

@@ -1,4 +1,4 @@
-"""An identification made by hand: every part of the printed answer and the document has one."""
+"""A synthetic identification with every part of the printed answer and the document."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What an answer shows, as lines that stand in ``texts/``; ``pytest --update-golden`` writes it."""
+"""Text lines of answers, compared with ``texts/``; ``pytest --update-golden`` writes these."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -20,9 +20,9 @@ WIDTH = 80
 def check(
     name: str, lines: Iterable[str], request: pytest.FixtureRequest, *, computed: bool = False
 ) -> None:
-    """Assert that what is shown is what stands in the file of that name.
+    """Assert that the lines equal those of the file of this name.
 
-    Numbers that are computed agree within the digits shown, as processors round otherwise.
+    Computed numbers must agree within the digits shown, as rounding depends on the processor.
     """
     shown = [line.replace(flexid.__version__, "VERSION") for line in lines]
     path = TEXTS / f"{name}.txt"
@@ -34,7 +34,7 @@ def check(
 
 
 def page_lines(page: Page) -> Iterator[str]:
-    """All of a page."""
+    """Yield the lines of a page."""
     yield f"{page.title} / {page.subject}"
     yield from item_lines(page.lead)
     yield from answer_lines(page.answers)
@@ -45,7 +45,7 @@ def page_lines(page: Page) -> Iterator[str]:
 
 
 def answer_lines(answers: Iterable[Answer]) -> Iterator[str]:
-    """Questions with their answers."""
+    """Yield the lines of questions with their answers."""
     for answer in answers:
         yield f"? {answer.question} {answer.word} ({answer.tone})"
         for item in answer.content:
@@ -53,7 +53,7 @@ def answer_lines(answers: Iterable[Answer]) -> Iterator[str]:
 
 
 def item_lines(item: Item) -> Iterator[str]:
-    """One item of a page."""
+    """Yield the lines of one item of a page."""
     match item:
         case Table() | Text() | str():
             yield from as_text([item], WIDTH).splitlines()
@@ -64,7 +64,7 @@ def item_lines(item: Item) -> Iterator[str]:
 
 
 def chart_lines(chart: Chart) -> Iterator[str]:
-    """What a chart draws: axes, and of each mark first, last and largest value, and the mean."""
+    """Yield axes of a chart, and of each mark the first, last and largest value, and the mean."""
     yield f"# {chart.name}: {chart.title}"
     yield chart.says
     for panel in chart.panels:
@@ -75,13 +75,13 @@ def chart_lines(chart: Chart) -> Iterator[str]:
 
 
 def axis_text(axis: Axis) -> str:
-    """An axis with its unit, and its limits where it has some."""
+    """Return an axis with its unit, and with its limits if any."""
     limits = axis.limits and tuple(f"{end:.3e}" for end in axis.limits)
     return " ".join([axis.label, axis.unit, *(limits or ())])
 
 
 def values_text(mark: Mark) -> str:
-    """The values of a mark; what is zero but for rounding is zero."""
+    """Return the values of a mark, with rounding errors as zero."""
     if isinstance(mark, Level):
         return f"{mark.along} = {mark.value:.3e}"
     found = []

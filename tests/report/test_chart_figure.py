@@ -1,4 +1,4 @@
-"""A chart that is drawn has what the chart has, in a file and in a page."""
+"""Drawn charts, in a file and in a page, compared with their description."""
 
 import re
 from xml.etree import ElementTree
@@ -26,7 +26,7 @@ def panel(*marks, x=None, y=None, **layout) -> Panel:
 
 
 def test_every_mark_is_drawn_as_it_is():
-    """Assert that values, colours, strokes and labels are those of the marks."""
+    """Assert that values, colours, strokes and labels equal those of the marks."""
     line = Line("line", X, Y, "red", 2.5, "dotted")
     band, level = Band("band", X, -X, X, "green"), Level("level", 3.0, "x", "orange", "dashed")
     (ax,) = draw(chart(panel(band, line, level))).axes
@@ -41,7 +41,7 @@ def test_every_mark_is_drawn_as_it_is():
 
 
 def test_axes_have_labels_units_scale_and_limits():
-    """Assert that an axis is as it is described, with numbers at its steps."""
+    """Assert that an axis equals its description, with numbers at its steps."""
     x = Axis("frequency", "Hz", logarithmic=True, limits=(0.1, 1000.0))
     y = Axis("phase", "°", limits=(-180.0, 90.0), step=90.0)
     (ax,) = draw(chart(panel(Line("", X, Y), x=x, y=y))).axes
@@ -52,7 +52,7 @@ def test_axes_have_labels_units_scale_and_limits():
 
 
 def test_the_legend_names_each_label_once():
-    """Assert that labels of several panels stand once, and marks without one not at all."""
+    """Assert that labels of several panels appear once, and empty labels do not."""
     one = panel(Line("model", X, Y), Line("", X, Y))
     figure = draw(chart(one, panel(Line("model", X, Y), Level("limit", 1.0))))
     (legend,) = figure.legends
@@ -62,7 +62,7 @@ def test_the_legend_names_each_label_once():
 
 @pytest.mark.parametrize("length", [5, 20, 60])
 def test_the_legend_is_no_wider_than_the_figure(length):
-    """Assert that seven labels fit, be they short or long, in as many lines as they take."""
+    """Assert that seven labels fit, short or long, in as many lines as needed."""
     lines = [Line(f"{k} " + length * "n", X, k * X) for k in range(7)]
     figure = draw(chart(panel(*lines)))
     figure.draw_without_rendering()
@@ -73,7 +73,7 @@ def test_the_legend_is_no_wider_than_the_figure(length):
 
 
 def test_what_panels_share_is_labelled_once():
-    """Assert that columns share x, and only ends have its label."""
+    """Assert that the panels of a column share x, with one label at the lowest panel."""
     y = Axis("angle", "rad", limits=(0.0, 500.0))
     panels = [panel(Line("", X, k * X), y=y) for k in range(1, 5)]
     axes = draw(chart(*panels, columns=2)).axes
@@ -88,7 +88,7 @@ def test_what_panels_share_is_labelled_once():
 
 
 def test_panels_are_as_wide_and_high_as_they_ask():
-    """Assert that a panel over both columns stands alone in its row, and heights are kept."""
+    """Assert that a panel over both columns has its own row, and that heights are kept."""
     line = Line("", X, Y)
     wide = panel(line, span=2, height=2.0)
     figure = draw(chart(wide, panel(line), panel(line), columns=2))
@@ -101,7 +101,7 @@ def test_panels_are_as_wide_and_high_as_they_ask():
 
 
 def test_a_long_line_keeps_its_spikes_and_gaps():
-    """Assert that a million samples are thinned, and the ones that are different stay."""
+    """Assert that a million samples are thinned, with extreme values kept."""
     time, still = np.arange(1e6), np.zeros(1_000_000)
     still[123_456], still[600_000:600_010] = 1.0, np.nan
     (ax,) = draw(chart(panel(Line("", time, still), Band("", time, still - 1.0, still)))).axes
@@ -113,7 +113,7 @@ def test_a_long_line_keeps_its_spikes_and_gaps():
 
 
 def test_text_is_no_formula():
-    """Assert that dollars and backslashes of a name are drawn as they are."""
+    """Assert that dollars and backslashes of a name are drawn unchanged."""
     name = r"gain $\frac of $x, " + 12 * "and longer "
     x, y = Axis(r"$\frac$", "s"), Axis(r"$\x")
     formula = Panel(r"$\frac$", x, y, (Line(r"$\y$", X, Y), Line("other", X, Y)))
@@ -126,14 +126,14 @@ def test_text_is_no_formula():
 
 
 def test_whole_decades_hold_the_values():
-    """Assert that there is a decade at least, and that ends are powers of ten."""
+    """Assert at least one decade, with powers of ten as limits."""
     assert whole_decades(np.array([3.0, 4.0])) == (1.0, 10.0)
     assert whole_decades(np.array([10.0, 10.0])) == (10.0, 100.0)
     assert whole_decades(np.array([0.02, 1e3, 0.0, np.nan])) == (0.01, 1e3)
 
 
 def test_a_page_draws_the_same_line():
-    """Assert that the points of a line in SVG are where Matplotlib has them, to a tenth."""
+    """Assert that points of a line in SVG agree with Matplotlib's to a tenth."""
     made = chart(panel(Line("", X, X**0.5), y=Axis("size", logarithmic=True)))
     figure = drawn_once(made)
     (ax,) = figure.axes
@@ -146,7 +146,7 @@ def test_a_page_draws_the_same_line():
 
 
 def test_a_figure_of_a_page_has_its_words_colours_and_no_style():
-    """Assert that text is text, colours are the page's, and no style needs a permission."""
+    """Assert that text is text, colours are the page's, and there is no inline style."""
     marks = Band("band", X, -X, X, "grey"), Line("line", X, X)
     html = chart_html(chart(panel(*marks), title='<b> & "c"'))
     assert html.count('aria-label="&lt;b&gt; &amp; &quot;c&quot;"') == html.count("<svg") == 1
@@ -158,7 +158,7 @@ def test_a_figure_of_a_page_has_its_words_colours_and_no_style():
 
 
 def test_autocorrelation_of_an_alternation():
-    """Assert that it changes its sign with the lag, and that what does not vary has 1 at lag 0."""
+    """Assert that it alternates with the lag, and that a constant has 1 at lag 0."""
     np.testing.assert_allclose(
         autocorrelation(np.array([1.0, -1.0, 1.0, -1.0])), [1, -0.75, 0.5, -0.25]
     )

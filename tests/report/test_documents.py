@@ -1,4 +1,4 @@
-"""Documents for JSON, and output that appears whole or not at all."""
+"""Documents for JSON, and complete output or none."""
 
 import json
 import os
@@ -13,7 +13,7 @@ from flexid.files import output_directory
 
 
 def test_json_has_no_infinities():
-    """Assert that infinities and NaN become null, deep inside, so that any reader can parse."""
+    """Assert that infinities and NaN become null at any depth, for strict parsers."""
     text = to_json({"a": [float("inf"), {"b": float("nan")}], "c": (1.5, "x")})
     assert json.loads(text) == {"a": [None, {"b": None}], "c": [1.5, "x"]}
 
@@ -28,7 +28,7 @@ def test_output_appears_whole(tmp_path):
 
 
 def test_failure_leaves_nothing_behind(tmp_path):
-    """Assert that a failure leaves earlier results, no new ones, and no directory that it made."""
+    """Assert that a failure leaves earlier results, no new ones, and no new directory."""
     out = tmp_path / "out"
     out.mkdir()
     (out / "a.txt").write_text("old")
@@ -49,7 +49,7 @@ def test_failure_leaves_nothing_behind(tmp_path):
 
 @pytest.mark.skipif(os.name != "posix", reason="processes that can be asked whether they live")
 def test_what_a_killed_process_has_left_is_removed(tmp_path):
-    """Assert that the folder of a process that has gone is removed, and that of a living is not."""
+    """Assert that the folder of an ended process is removed, and that of a running one is not."""
     code = (
         "import os, sys; from pathlib import Path; from flexid.files import *\n"
         "with output_directory(Path(sys.argv[1])): os._exit(9)"
@@ -63,7 +63,7 @@ def test_what_a_killed_process_has_left_is_removed(tmp_path):
 
 
 def test_directory_in_the_way_of_a_file_is_refused(tmp_path):
-    """Assert that a directory with a file's name stops the output before any file is moved."""
+    """Assert that a directory with a file's name is an error before any file is moved."""
     (tmp_path / "b.txt").mkdir()
 
     def write():
@@ -77,7 +77,7 @@ def test_directory_in_the_way_of_a_file_is_refused(tmp_path):
 
 
 def test_name_that_is_no_text_is_refused(tmp_path):
-    """Assert that a directory whose name is no UTF-8, where tables cannot go, is refused first."""
+    """Assert that a directory whose name is no UTF-8, unusable for tables, is refused first."""
     out = tmp_path / "run\udcff"
     with pytest.raises(SettingError, match="not UTF-8"), output_directory(out):
         pass

@@ -1,4 +1,4 @@
-"""What is printed and what pages say, line by line, as it stands in ``texts/``."""
+"""Printed answers and pages, line by line, compared with ``texts/``."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -35,18 +35,18 @@ from made_estimates import STIFFER, TRUE, exact, with_parameter
 
 
 def printed(*parts: Part) -> list[str]:
-    """Lines of a terminal."""
+    """Return the lines printed on a terminal."""
     return as_text(parts, WIDTH).splitlines()
 
 
 def identification():
-    """An answer in which each number occurs once, with the evidence for its choices."""
+    """Return an answer in which each number occurs once, with the evidence for its choices."""
     result = made_result()
     return printed(*identification_parts(result), *explanation(result))
 
 
 def exact_fit():
-    """One without disturbances and with a model error."""
+    """Return an answer without disturbances and with a model error."""
     result = made_result(ModelError(16.0, 1.2, 0.72))
     held = replace(result.validation, fit_percent={"motor_position": 99.0})
     result = replace(result, disturbances=None, validation=held)
@@ -54,14 +54,14 @@ def exact_fit():
 
 
 def document():
-    """All of the estimate as a file holds it, but singular vectors, whose digits may differ."""
+    """Return the stored estimate without singular vectors, whose digits may differ."""
     made = estimate_document(made_result())
     del made["excitation"]
     return to_json(made).splitlines()
 
 
 def negligible():
-    """A value that may be zero, of a motor that rests."""
+    """Return an answer with a negligible value, and a motor at rest."""
     result = made_result()
     small = replace(result.parameters["gravity_torque"], interval=(-1e-4, 1e-4))
     still = {"motor_position": nan}
@@ -72,7 +72,7 @@ def negligible():
 
 
 def streamed():
-    """Least squares, whose own values no table of least squares repeats; two share a reason."""
+    """Return the explanation of a least-squares result, in which two values share a reason."""
     made = made_result()
     choices = replace(made.choices, estimator="least-squares", term_evidence=())
     known = made.coefficients["theta1"]
@@ -82,7 +82,7 @@ def streamed():
 
 
 def narrow():
-    """Names that are broken after their underscores, so that intervals and units stay whole."""
+    """Return tables with long names, broken after underscores; intervals and units stay whole."""
     (known,) = made_result().parameters.values()
     table = {
         name: replace(known, name=name, value=399.98, interval=(396.91, 403.13), unit="N m s/rad")
@@ -95,7 +95,7 @@ def narrow():
 
 
 def verdicts(*of_parameters: str, coefficient: str = "determined", **more):
-    """A result whose parameters, and whose last coefficient, have these verdicts."""
+    """Return a result whose parameters, and whose last coefficient, have these verdicts."""
     made = made_result(ModelError(0.05, 0.9, 0.0))
     (known,) = made.parameters.values()
     parameters = {
@@ -109,7 +109,7 @@ def verdicts(*of_parameters: str, coefficient: str = "determined", **more):
 
 
 def trust_and_next_step():
-    """Each verdict with its first answer, and what is to be done about it."""
+    """Yield each verdict with its first answer and the next step."""
     confounded = excitation_of_gram("link", ["a", "b"], np.array([[1.0, 0.9999], [0.9999, 1.0]]))
     clear = excitation_of_gram("motor", ["c", "d"], np.array([[1.0, 0.3], [0.3, 1.0]]))
     diverging = replace(VALIDATION, fit_percent={"deflection": -865.0})
@@ -130,7 +130,7 @@ def trust_and_next_step():
 
 
 def stiffer():
-    """A drive before, and after, stiffer and with an offset that A does without."""
+    """Return the comparison of a drive with a stiffer one with an offset, which A lacks."""
     a, b = exact(TRUE, "one"), exact({**STIFFER, "alpha_offset": 3.0}, "two")
     offset = replace(b.parameters["motor_offset_torque"], value=0.001, interval=(-0.1, 0.1))
     a = replace(a, removed={offset.name: offset})
@@ -138,12 +138,12 @@ def stiffer():
 
 
 def comparison():
-    """Each number of two drives."""
+    """Return each value of two drives."""
     return printed(*comparison_parts(stiffer()))
 
 
 def bounds():
-    """Bounds are rounded up, none is larger than its value, and some have no share but a unit."""
+    """Yield bounds: rounded up, at most as large as the value, in per cent or in a unit."""
     found = stiffer()
     share = replace(found.parameters["joint_stiffness"], outcome="no change")
     for ends in ((-700.0, 101.0), (-99.0, 5.0), (-1.0, 2.11), (-1.0, 2.2), (-1.0, 1.01)):
@@ -155,7 +155,7 @@ def bounds():
 
 
 def compared():
-    """Change, none, doubt, lack, contradiction and agreement on one log, each with its words."""
+    """Yield summaries: changed, same, doubtful, missing, contradictory, and the same log."""
     a, same, stiffer = exact(TRUE, "a"), exact(TRUE, "b"), exact(STIFFER, "b")
     p = same.parameters["gravity_torque"]
     doubtful = with_parameter(same, p.name, value=p.value + 2.2 * 2**0.5 * p.std)
@@ -166,7 +166,7 @@ def compared():
 
 
 def campaigns():
-    """A campaign of 100 runs as it goes on, and when it is done."""
+    """Yield the summary of a campaign of 100 runs, unfinished and finished."""
     about = {"flexid": "1.0", "experiment": "0123", "plan": "4567", "text": "the file"}
     manifest = Manifest(**about, kind="sobol", runs=100, inputs=("controller.k",), runs_per_part=10)
     names = "tracking_rms", "settling_time.theta1"
@@ -195,7 +195,7 @@ VALIDATED = EstimateValidation(
 
 
 def validations():
-    """Fits that serve and that do not; and one as a whole page."""
+    """Yield validations with good and poor fits, and one whole page."""
     for fit in (49.0, -20.0, -inf, nan):
         yield from printed(
             *validation.parts(replace(VALIDATED, fit_percent={"motor_position": fit}))
@@ -210,7 +210,7 @@ def validations():
 
 
 def watched():
-    """A drive at rest."""
+    """Yield the report on a drive at rest."""
     session = Session(WatchOptions(2e-3, ("gravity", "motor_viscous"), hold="linear"))
     samples = np.zeros((1500, 4))
     samples[:, 0] = 2e-3 * np.arange(1500)
@@ -219,7 +219,7 @@ def watched():
 
 
 def counts():
-    """What became of a stream's samples: only what happened is said."""
+    """Yield sentences with the counts of a stream's samples, without zero counts."""
     nothing = Counts(*[0] * 12)
     yield nothing.sentence
     yield Counts(90, 1, 2, 0, 3, 0, 4, 1, 5, 2, 0, 0).sentence
@@ -233,7 +233,7 @@ ANSWERS = (
 
 @pytest.mark.parametrize("answer", ANSWERS)
 def test_it_is_shown_as_it_was(answer: Callable[[], Iterable[str]], request: pytest.FixtureRequest):
-    """Assert that every line is as before, and nothing printed is cut off."""
+    """Assert that every line equals the stored one, and that nothing is cut off."""
     lines = [*answer()]
     assert "…" not in "".join(lines)
     check(answer.__name__, lines, request)

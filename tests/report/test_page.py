@@ -1,4 +1,4 @@
-"""The page of an identification: alone, watched, hostile, by day, by night, small and printed."""
+"""The page of an identification, in a browser: content, security, themes, small screens, print."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COLUMNS = {name: {"column": f"{HOSTILE}{name}", "unit": unit} for name, unit in 
 
 @pytest.fixture(scope="module")
 def estimate(examples, tmp_path_factory):
-    """Return what is found in the example log, whose file and columns have hostile names."""
+    """Return the estimate of the example log, with markup in the names of file and columns."""
     text = (examples / "flexible_joint.csv").read_text()
     header = ",".join(column["column"] for column in COLUMNS.values())
     log = tmp_path_factory.mktemp("log") / FILE
@@ -30,7 +30,7 @@ def estimate(examples, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def path(estimate, tmp_path_factory):
-    """Return its page, alone in a folder."""
+    """Return the page of the estimate, alone in a folder."""
     path = tmp_path_factory.mktemp("alone") / "report.html"
     estimate.report(path)
     return path
@@ -38,7 +38,7 @@ def path(estimate, tmp_path_factory):
 
 @pytest.fixture
 def page(browser, path):
-    """Return the page in a browser, and what was seen of it."""
+    """Return the page in a browser, and the observed requests and messages."""
     page = browser.new_page(viewport={"width": 1280, "height": 800})
     page.watched = Watched(page)
     page.goto(path.as_uri())
@@ -53,7 +53,7 @@ def test_one_file_that_can_be_sent(path):
 
 
 def test_a_page_asks_for_nothing_and_may_ask_for_nothing(page):
-    """Assert that a page makes no request, and its policy stops what somebody puts into it."""
+    """Assert that a page makes no request, and that its policy blocks injected content."""
     page.wait_for_timeout(200)
     assert (page.watched.requests, page.watched.complaints) == ([page.url], [])
     page.evaluate(
@@ -71,7 +71,7 @@ def test_a_page_asks_for_nothing_and_may_ask_for_nothing(page):
 
 
 def test_how_to_repeat_it_says_only_what_is_known():
-    """Assert that a result without provenance has no table of it, and without a command nothing."""
+    """Assert that a result without provenance or command has no table of it."""
     table = Table("Values", [Column("name")])
     shown = Presenter(lambda _: ("Title", "subject"), lambda _: [table], lambda _: {})
     assert shown.page((None,), (), (), "").sections == []
@@ -80,7 +80,7 @@ def test_how_to_repeat_it_says_only_what_is_known():
 
 
 def test_a_loaded_estimate_has_a_page(estimate, tmp_path):
-    """Assert that without time series the page leaves out their figures, and nothing else."""
+    """Assert that a loaded estimate has a page without figures of time series."""
     estimate.save(tmp_path / "estimate.json")
     page, loaded = estimate._page(), flexid.load(tmp_path / "estimate.json")._page()
     names = [[section.name for section in each.sections] for each in (page, loaded)]
@@ -90,7 +90,7 @@ def test_a_loaded_estimate_has_a_page(estimate, tmp_path):
 
 @pytest.mark.thorough
 def test_hostile_names_are_text(page):
-    """Assert that a file and columns with markup for names are shown so, and do nothing."""
+    """Assert that markup in names of file and columns is shown as text."""
     assert FILE in page.locator(".subject").inner_text()
     assert FILE in page.title()
     origin = page.locator("#origin").inner_text()
@@ -102,7 +102,7 @@ def test_hostile_names_are_text(page):
 @pytest.mark.thorough
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)])
 def test_the_first_screen_answers(page, width, height):
-    """Assert that parameters, trust and the next step are seen at once, also on a telephone."""
+    """Assert that parameters, trust and the next step are on the first screen, also of a phone."""
     page.set_viewport_size({"width": width, "height": height})
     rows = page.locator(".lead tbody tr")
     assert rows.count() == 5
@@ -122,14 +122,14 @@ def test_the_first_screen_answers(page, width, height):
 @pytest.mark.thorough
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_no_serious_fault(page, scheme):
-    """Assert that axe-core finds nothing that keeps people out, by day and by night."""
+    """Assert that axe-core finds no serious fault, in light and dark themes."""
     page.emulate_media(color_scheme=scheme)
     assert serious_faults(page) == []
 
 
 @pytest.mark.thorough
 def test_words_and_signs_beside_colours(page):
-    """Assert that a verdict is a word with a sign of its own."""
+    """Assert that each verdict has a word and a symbol besides its colour."""
     sign = "element => getComputedStyle(element, '::before').content"
     signs = set()
     for tone in ("good", "fair", "bad"):
@@ -143,7 +143,7 @@ def test_words_and_signs_beside_colours(page):
 
 @pytest.mark.thorough
 def test_figures_take_the_colours_of_the_page(page):
-    """Assert that strokes are light in the dark, and dark on paper."""
+    """Assert that strokes are light in the dark theme, and dark on paper."""
     by_day = page.evaluate(STROKE)
     page.emulate_media(color_scheme="dark")
     by_night = page.evaluate(STROKE)

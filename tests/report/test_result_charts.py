@@ -1,4 +1,4 @@
-"""Charts of results: what is drawn is what was found, and pages hold it."""
+"""Charts of results: drawn values equal those found, and pages contain them."""
 
 from pathlib import Path
 from typing import TypeVar
@@ -24,12 +24,12 @@ M = TypeVar("M")
 
 
 def marks(panel: Panel, kind: type[M]) -> list[M]:
-    """Marks of one kind."""
+    """Return marks of one kind."""
     return [mark for mark in panel.marks if isinstance(mark, kind)]
 
 
 def test_channels_of_several_joints_have_units_of_their_own():
-    """Assert that axes say what is drawn, of joints that turn and slide."""
+    """Assert the labels and units of axes, for joints that turn and slide."""
     seen = np.random.default_rng(3).standard_normal((20, 2))
     runs = (FreeRun(np.arange(20.0), seen, np.zeros_like(seen)),)
     fits = {"link_position_1": 90.0, "deflection_2": 80.0}
@@ -40,7 +40,7 @@ def test_channels_of_several_joints_have_units_of_their_own():
 
 
 def test_residuals_that_repeat_leave_the_band():
-    """Assert that noise leaves its band in a twentieth of the lags, and a sine in most."""
+    """Assert that noise is outside its band in a twentieth of the lags, and a sine in most."""
     generator = np.random.default_rng(3)
     time = np.linspace(0.0, 20.0, 20_001)
     noise = generator.standard_normal(len(time))
@@ -70,12 +70,12 @@ EXPERIMENT = read_experiment(Path(__file__).parents[2] / "experiments" / "huang2
 
 @pytest.fixture(scope="module")
 def run() -> Run:
-    """Return Table I, run for some seconds."""
+    """Return a run of Table I for some seconds."""
     return EXPERIMENT.with_values({"run.duration": 25.0}).run()
 
 
 def test_a_run_is_on_its_page(run: Run):
-    """Assert that the HTML has the table, the figures, the lines, the command and the file."""
+    """Assert that the page has the table, the figures, the lines, the command and the file."""
     measures = measure(run)
     charts = simulated_run.charts(EXPERIMENT, run, measures)
     page = simulated_run.PRESENTER.page(
@@ -88,21 +88,21 @@ def test_a_run_is_on_its_page(run: Run):
 
 
 def test_charts_of_a_run(run: Run, request: pytest.FixtureRequest):
-    """Assert what is drawn; the torque of the first instants leaves the frame, and it is said."""
+    """Assert the marks of a run, with the torque of the first instants cut off and noted."""
     charts = motion_chart("Table I", run), observer_chart("Table I", run)
     lines = (line for chart in charts for line in chart_lines(chart))
     check("run_charts", lines, request, computed=True)
 
 
 def test_charts_of_the_reproduction(reproduction, request: pytest.FixtureRequest):
-    """Assert what is drawn of Figures 1 to 5 and of Theorem 1."""
+    """Assert the marks of Figures 1 to 5 and of Theorem 1."""
     charts = reproduction_charts(reproduction)
     lines = (line for chart in charts for line in chart_lines(chart))
     check("reproduction_charts", lines, request, computed=True)
 
 
 def test_claims_of_the_reproduction(reproduction, request: pytest.FixtureRequest):
-    """Assert the verdict on every claim, and the numbers that decide it, if not all but zero."""
+    """Assert the verdict on every claim, and the values that decide it unless nearly zero."""
     lines = (
         f"{claim.key}, {claim.verdict}: {one.subject}, {one.quantity} "
         f"{one.value * (abs(one.value) > 1e-6):.3e} {one.unit}"

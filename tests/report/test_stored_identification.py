@@ -1,4 +1,4 @@
-"""An identification that was written and read again is the same, but for its free runs."""
+"""A stored identification equals the original, except for its free runs."""
 
 import json
 from dataclasses import asdict, fields, is_dataclass
@@ -23,23 +23,23 @@ SERIES = ("validation", "excitation", "fit")
 
 @pytest.fixture(scope="module")
 def document():
-    """The document of an identification as a file has it."""
+    """Return the document of an identification as in its file."""
     return json.loads(to_json(estimate_document(made_result())))
 
 
 def text(part):
-    """All fields of a part, be it one or many by name."""
+    """Return all fields of a part, which may be a mapping by name."""
     if isinstance(part, dict):
         return {name: text(one) for name, one in part.items()}
     return repr(asdict(part) if is_dataclass(part) and not isinstance(part, type) else part)
 
 
 def test_what_was_found_comes_back(document):
-    """Assert that all but the series is as it was, infinities and arrays included."""
+    """Assert that all parts but the series are recovered, infinities and arrays included."""
     made, found = made_result(), read_estimate(document).of_joint
     for part in fields(made):
         if part.name not in SERIES:
-            # By text, in which what is not a number equals itself.
+            # As text, since NaN does not equal itself.
             assert text(getattr(found, part.name)) == text(getattr(made, part.name)), part.name
 
     assert found.fit.names == made.fit.names
@@ -55,7 +55,7 @@ def test_what_was_found_comes_back(document):
 
 
 def test_a_file_from_before_disturbances_is_read(document):
-    """Assert that what an earlier version did not write is not asked for."""
+    """Assert that a file of an earlier version, without disturbances, is read."""
     older = {key: part for key, part in document.items() if key != "disturbances"}
     assert read_estimate(sealed(older)).of_joint.disturbances is None
 
@@ -80,7 +80,7 @@ UNKNOWN: dict[str, Any] = {
 
 
 def test_files_that_hold_no_estimate(document, refusals):
-    """Assert that no file is read that a hand has altered, or that this version does not know."""
+    """Assert that an edited file, and one of an unknown version, are refused."""
     endless: dict[str, Any] = {}
     endless["itself"] = endless
     true, no = (sealed(altered(document, "format_version", one)) for one in (True, MISSING))
@@ -97,7 +97,7 @@ def test_files_that_hold_no_estimate(document, refusals):
 
 
 def test_a_file_that_was_laid_out_otherwise_is_read(document):
-    """Assert that order, blanks and whole numbers without a point are none of its content."""
+    """Assert that order of keys, white space and number formats do not change the digest."""
     text = json.dumps(dict(reversed(document.items())), indent=9).replace("5.0,", "5,")
     assert "5," in text
     assert read_estimate(json.loads(text)).of_joint.coefficients["theta1"].value == 5.0

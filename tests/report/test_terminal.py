@@ -1,4 +1,4 @@
-"""How answers are laid out: within the width, and no number cut."""
+"""Layout of answers: within the width, with whole numbers."""
 
 import re
 from dataclasses import replace
@@ -23,7 +23,7 @@ NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*(?:e[-+]?\d+)?|inf|nan)")
     width=st.integers(40, 200),
 )
 def test_every_number_is_whole_at_every_width(rows, width):
-    """Assert that a table that is too wide for its numbers is printed wider, and cuts none."""
+    """Assert that a table too narrow for its numbers is printed wider instead of cut."""
     table = Table("A title", [Column("name"), *numbers(*"abcdef")])
     for i, row in enumerate(rows):
         table.add(f"row{i}", *(number(value, 8, "N m") for value in row))
@@ -35,7 +35,7 @@ def test_every_number_is_whole_at_every_width(rows, width):
 @settings(max_examples=200, deadline=None, derandomize=True)
 @given(value=ANY, ends=st.tuples(ANY, ANY))
 def test_digits_keep_the_value_within_its_width(value, ends):
-    """Assert that what is printed is off by less than the interval's width, and is short."""
+    """Assert a rounding error below the interval's width, and a short text."""
     lower, upper = sorted(ends)
     shown = format_with_interval(value, lower, upper)
     for text, number_ in zip(shown, (value, lower, upper), strict=True):
@@ -48,7 +48,7 @@ def test_digits_keep_the_value_within_its_width(value, ends):
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(value=USUAL, ends=st.tuples(USUAL, USUAL))
 def test_an_identification_fits_80_columns(value, ends):
-    """Assert that whatever a parameter usually comes to, its numbers stand whole in the table."""
+    """Assert that usual values of a parameter fit the table of 80 columns uncut."""
     made = made_result()
     lower, upper = sorted(ends)
     assume(upper - lower > 1e-3 * max(abs(lower), abs(upper), abs(value)))
@@ -76,18 +76,18 @@ def test_an_identification_fits_80_columns(value, ends):
     ],
 )
 def test_digits_follow_the_interval(numbers, shown):
-    """Assert that no more digits are printed than the width justifies, and one of what is free."""
+    """Assert digits in accordance with the width, and one digit for an undetermined value."""
     assert " ".join(format_with_interval(*numbers)) == shown
 
 
 def test_shares_have_two_digits():
-    """Assert that a share is in per cent, small ones and open ones in words."""
+    """Assert shares in per cent, with words for small and infinite ones."""
     shares = map(format_percent, (0.01234, 3.7, 1e-6, float("inf")))
     assert [*shares] == ["1.2 %", "370 %", "<0.01 %", "unknown"]
 
 
 def test_empty_lines_are_single():
-    """Assert that no page has two empty lines together, or one at its end."""
+    """Assert that no page has two successive empty lines, or one at its end."""
     table = Table("Title", [Column("name")])
     table.add("a")
     lines = as_text([table, "", "b", "", "  c", table], 80).splitlines()

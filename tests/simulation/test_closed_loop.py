@@ -25,11 +25,11 @@ READINGS = json.loads((Path(__file__).parent / "reference" / "table_1.json").rea
 
 @pytest.mark.parametrize("exponents", [(1, 2, 3), (1, 1, 3)])
 def test_table_1(exponents: tuple[int, int, int]) -> None:
-    """Assert that both readings agree with SciPy's Radau on equations written by hand."""
+    """Assert that both readings agree with SciPy's Radau method on independent equations."""
     reference = READINGS[",".join(map(str, exponents))]
     run = simulate(table1_loop(exponents), 30.0)
     expected = np.array(reference["parameter_errors_at_30s"])
-    # 1e-5 of the value, or of 1e-3 where the value is smaller than that.
+    # 1e-5 of the value, and at least 1e-8
     allowed = 1e-5 * np.maximum(np.abs(expected), 1e-3)
     assert np.all(np.abs(run.parameter_errors[-1] - expected) < allowed)
     largest = run.largest_tracking_error(20.0, 30.0)
@@ -38,14 +38,14 @@ def test_table_1(exponents: tuple[int, int, int]) -> None:
 
 @pytest.mark.parametrize("exponents", [(1, 1, 0), (1, 1, 1)])
 def test_unstable_readings_say_so(exponents: tuple[int, int, int]) -> None:
-    """Assert that a loop that diverges raises, with a time, instead of returning numbers."""
+    """Assert that a diverging loop raises an error with a time instead of returning values."""
     with pytest.raises(SimulationError, match="largest coordinate has reached") as caught:
         simulate(table1_loop(exponents), 30.0, maximum_steps=200_000)
     assert 0.1 < caught.value.time < 30.0
 
 
 def test_input_is_what_moves_the_plant() -> None:
-    """Assert that x4' of the run is that of eq. (4) with the run's own input."""
+    """Assert that x4' of the run agrees with eq. (4) for the run's input."""
     run = simulate(LOOP, 2.0, 1e-3, 1e-9)
     x1, _, x3, x4 = run.states.T
     expected = (100.0 * (x1 - x3) - 0.1 * x4 + run.inputs[:, 0]) / 0.3
@@ -59,7 +59,7 @@ REAL = Sampling(
 
 
 def test_approaches_the_continuous_loop() -> None:
-    """Assert that the error against the continuous loop falls in proportion to the sample time."""
+    """Assert first-order convergence to the continuous loop in the sample time."""
     times = np.array([4e-3, 2e-3, 1e-3, 5e-4])
     errors = []
     for sample_time in times:
@@ -70,7 +70,7 @@ def test_approaches_the_continuous_loop() -> None:
 
 
 def test_observer_is_of_second_order() -> None:
-    """Assert that under a constant input the estimates err with the square of the sample time."""
+    """Assert second-order convergence of the estimates under a constant input."""
     law = pd_gravity(proportional=0.0, derivative=0.0)
     loop = replace(
         LOOP,
@@ -88,7 +88,7 @@ def test_observer_is_of_second_order() -> None:
 
 
 def test_input_is_limited() -> None:
-    """Assert that no input passes the limit, and that the limited samples are counted."""
+    """Assert that inputs are limited, and that limited samples are counted."""
     run = simulate_sampled(LOOP, 2.0, REAL)
     assert np.max(np.abs(run.inputs)) == 30.0
     assert run.statistics["limited_samples"] == np.count_nonzero(np.abs(run.inputs) == 30.0) > 0
@@ -105,7 +105,7 @@ def test_encoder_shows_whole_steps() -> None:
 
 
 def test_noise_is_what_was_asked_for() -> None:
-    """Assert that noise has the stated deviations and comes back with the same seed only."""
+    """Assert the noise's standard deviations, and equal noise for equal seeds only."""
     noisy = Sampling(position_noise=1e-4, velocity_noise=2e-2, seed=1)
     run, again = simulate_sampled(LOOP, 10.0, noisy), simulate_sampled(LOOP, 10.0, noisy)
     other = simulate_sampled(LOOP, 10.0, replace(noisy, seed=2))
@@ -117,7 +117,7 @@ def test_noise_is_what_was_asked_for() -> None:
 
 
 def test_divergence_is_reported() -> None:
-    """Assert that the paper's high-gain law, sampled at 1 kHz, is said to diverge."""
+    """Assert that the paper's high-gain law, sampled at 1 kHz, is reported to diverge."""
     with pytest.raises(SimulationError, match="diverges: lower its gains or its sample time"):
         simulate_sampled(TABLE_1, 30.0)
 
@@ -147,12 +147,12 @@ REFUSED: dict[str, Callable[[], object]] = {
 
 
 def test_settings_that_mean_nothing(refusals: Any) -> None:
-    """Assert that a setting out of its range, or a missing value, is named."""
+    """Assert that an invalid setting, or a missing value, is named."""
     refusals(REFUSED)
 
 
 def test_plant_moves_as_in_a_free_run() -> None:
-    """Assert that between samples the plant does what a free run does, however steep friction."""
+    """Assert that between samples the plant moves as a free run, for steep friction too."""
     coefficients = {**LOOP.coefficients, "alpha2": 3000.0}
     run = simulate_sampled(replace(LOOP, coefficients=coefficients), 2.0, Sampling(1e-2))
     alone = free_run(LOOP.system, coefficients, np.zeros(4), run.inputs, 1e-2, "zero")

@@ -1,4 +1,4 @@
-"""Ensembles against single runs, and their measures against finely sampled ones."""
+"""Ensembles compared with single runs, and their measures with finely sampled ones."""
 
 from dataclasses import fields, replace
 
@@ -19,14 +19,14 @@ from flexid.studies.runs import table1_loop
 
 TABLE_1 = table1_loop((1, 2, 3))
 LOOP = replace(TABLE_1, controller=pd_gravity())
-MANY = 35  # more than run side by side, and no multiple of that
+MANY = 35  # more runs than are integrated together, and no multiple of that
 NOISY = Sampling(
     input_limit=100.0, position_resolution=1e-4, position_noise=1e-5, velocity_noise=1e-2, seed=7
 )
 
 
 def varied(loop: ClosedLoop, count: int) -> list[ClosedLoop]:
-    """Return loops with other plants and other starts."""
+    """Return loops with different plants and starts."""
     return [
         replace(
             loop,
@@ -45,7 +45,7 @@ def columns(ensemble: Ensemble) -> dict[str, np.ndarray]:
 def assert_measured_alike(
     ensemble: Ensemble, place: int, run: Run, sums: float, conditions: float, times: float
 ) -> None:
-    """Assert that a run's measures in an ensemble are those of its samples, within tolerances."""
+    """Assert that a run's measures in an ensemble agree with its samples', within tolerances."""
     measures = measure(run)
     for found, own in (
         (ensemble.final_states, measures.final_states),
@@ -64,7 +64,7 @@ def assert_measured_alike(
 
 @pytest.mark.parametrize("sampled", [False, True])
 def test_ends_are_those_of_single_runs(sampled: bool) -> None:
-    """Assert that the end of every run, sampled or not, is bit for bit that of the single run."""
+    """Assert that the end of every run, sampled or not, has the bits of the single run."""
     loops = varied(LOOP, 3)
     if sampled:
         samplings = [NOISY, replace(NOISY, seed=8, sample_time=2e-3), Sampling()]
@@ -83,7 +83,7 @@ def test_ends_are_those_of_single_runs(sampled: bool) -> None:
 
 @pytest.mark.parametrize(("stiff", "count"), [(True, 3), (False, MANY)])
 def test_company_changes_nothing(stiff: bool, count: int) -> None:
-    """Assert that a run comes out the same alone as beside others and one that fails."""
+    """Assert that other runs in an ensemble, even failing ones, do not change a run."""
     loops = varied(LOOP, count)
     settings = {"stiff": stiff, "maximum_steps": 10_000}
     together = simulate_ensemble([loops[0], diverging(), *loops[1:]], 2.0, **settings)
@@ -95,7 +95,7 @@ def test_company_changes_nothing(stiff: bool, count: int) -> None:
 
 
 def diverging() -> ClosedLoop:
-    """Return a loop whose law pushes the motor away."""
+    """Return a loop with an unstable control law."""
     law = pd_gravity(proportional=-5000.0, derivative=-500.0)
     return replace(LOOP, controller=law)
 
@@ -111,14 +111,14 @@ def test_measures_are_those_of_a_fine_run(stiff: bool) -> None:
 
 
 def test_sampled_measures_are_those_of_the_samples() -> None:
-    """Assert that the measures of a sampled run are those of its own samples."""
+    """Assert that the measures of a sampled run are computed from its samples."""
     ensemble = simulate_sampled_ensemble([LOOP], 20.0, [NOISY])
     run = simulate_sampled(LOOP, 20.0, NOISY)
     assert_measured_alike(ensemble, 0, run, sums=1e-12, conditions=1e-9, times=1e-12)
 
 
 def test_settling_time_is_the_last_time_beyond() -> None:
-    """Assert settling for errors that leave the band again, never enter and never leave it."""
+    """Assert settling times of errors that leave the band again, never enter or never leave it."""
     time = np.array([0.0, 1.0, 2.0, 3.0])
     errors = np.array([[1.0, -9.0, 0.4], [0.1, -9.0, 0.4], [-0.6, -9.0, -0.4], [0.5, -9.0, 0.4]])
     found = settling_times(time, errors, np.array([-10.0, 10.0, 10.0]))
@@ -126,17 +126,17 @@ def test_settling_time_is_the_last_time_beyond() -> None:
 
 
 def test_a_fast_transient_is_weighted_by_its_time() -> None:
-    """Assert that a spike far shorter than any sample counts for as long as it lasts.
+    """Assert that a spike shorter than any sample is weighted by its duration.
 
-    The robust law starts with an input of 2e9 that lasts some microseconds. A mean over steps,
-    which crowd there, would make the tracking error of the first instant that of the run.
+    The robust law starts with an input of 2e9 for some microseconds. A mean over steps, which are
+    dense there, would give the tracking error of the first instant to the whole run.
     """
     loop = TABLE_1
     ensemble = simulate_ensemble([loop], 5.0)
     fine, coarse = (measure(simulate(loop, 5.0, step)) for step in (1e-4, 1e-3))
     assert ensemble.tracking_rms[0] == pytest.approx(fine.tracking_rms, rel=1e-3)
     assert ensemble.peak_input[0, 0] == pytest.approx(fine.peak_inputs["u"], rel=1e-6)
-    # Samples of 1 ms count microseconds as one: `measure` says so.
+    # Samples of 1 ms count microseconds as one, as documented in `measure`.
     assert coarse.excitation["motor"].condition_number > 2.0 * ensemble.excitation[0, 1]
 
 
@@ -144,7 +144,7 @@ def test_a_fast_transient_is_weighted_by_its_time() -> None:
 @pytest.mark.parametrize(
     ("position", "status", "steps"),
     [
-        (1e13, "diverged", 1),  # where an angle has lost its digits
+        (1e13, "diverged", 1),  # at which an angle has no significant digits
         (0.0, "too many steps", 50),
         (np.nan, "not finite", 0),
         (np.inf, "not finite", 0),
@@ -153,7 +153,7 @@ def test_a_fast_transient_is_weighted_by_its_time() -> None:
 def test_what_cannot_go_on_is_a_status(
     position: float, status: str, steps: int, stiff: bool
 ) -> None:
-    """Assert that a run that has no numbers, or needs too many steps, says so."""
+    """Assert the status of runs that diverge, need too many steps, or are not finite."""
     loop = replace(LOOP, initial_state=(0.0, 0.0, position, 0.0), initial_estimates={})
     most = 50 if status == "too many steps" else 10_000
     ensemble = simulate_ensemble([loop], 30.0, maximum_steps=most, stiff=stiff)
@@ -163,7 +163,7 @@ def test_what_cannot_go_on_is_a_status(
 
 
 def test_sampled_divergence_is_a_status() -> None:
-    """Assert that a sampled loop that diverges is a row, and one too stiff to sample as well."""
+    """Assert the status of sampled loops that diverge, or that are too stiff."""
     stiff = replace(LOOP, coefficients={**LOOP.coefficients, "alpha2": 1e7})
     ensemble = simulate_sampled_ensemble([LOOP, diverging(), stiff], 5.0, [Sampling()] * 3)
     assert [STATUS[status] for status in ensemble.status] == [

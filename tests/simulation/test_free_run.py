@@ -1,4 +1,4 @@
-"""A model alone, under a recorded input."""
+"""Free run of a model with a recorded input."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from flexid.simulation.free_run import free_run
 
 @pytest.mark.parametrize(("hold", "other"), [("linear", "zero"), ("zero", "linear")])
 def test_both_holds_agree_with_scipy(hold, other):
-    """Assert that an input that is interpolated, or held, gives SciPy's motion of it."""
+    """Assert that an interpolated or held input gives SciPy's motion."""
     p = {"theta1": 5.0, "theta2": 100.0, "alpha1": 333.0, "alpha2": 0.3, "beta1": 3.3}
     times = np.arange(201) * 0.01
     samples = 20 * np.sin(3 * times)
@@ -36,7 +36,7 @@ def test_convergence_is_of_fourth_order():
     """Assert that halving the sample time divides the error by sixteen."""
     oscillator = ParametricSystem("oscillator", (Row("mass", "q", "v", {"stiffness": "-q"}),))
     errors = []
-    for n in (20, 40, 80):  # steps so short that none is divided into substeps
+    for n in (20, 40, 80):  # short steps without substeps
         x = free_run(oscillator, {"stiffness": 1.0}, [1.0, 0.0], np.zeros(n + 1), 1 / n)
         errors.append(abs(x[-1, 0] - np.cos(1.0)))
     slopes = np.diff(np.log2(errors))
@@ -44,7 +44,7 @@ def test_convergence_is_of_fourth_order():
 
 
 def test_fast_poles():
-    """Assert that one beyond the sampling settles, and an absurd one is refused at once."""
+    """Assert that a pole beyond the sampling is integrated, and that an absurd one is refused."""
     cart = ParametricSystem("cart", (Row("cart", "q", "v", {"drag": "-v"}, known="u"),))
     x = free_run(cart, {"drag": 5000.0}, [0.0, 1.0], np.ones(200), 1e-2)
     assert x[-1, 1] == pytest.approx(1 / 5000.0, rel=1e-6)
@@ -53,7 +53,7 @@ def test_fast_poles():
 
 
 def test_dry_friction_is_refused():
-    """Assert that a step of one size does not go over a jump, unless its coefficient is zero."""
+    """Assert that dry friction is refused unless its coefficient is zero."""
     dry = {"drag": "-v", "coulomb": "-sign(v)*(1 + exp(-v**2))", "lossy": "-v*sign(v)"}
     cart = ParametricSystem("cart", (Row("cart", "q", "v", dry, known="u"),))
     values = {"drag": 1.0, "coulomb": 0.5, "lossy": 0.5}
@@ -65,7 +65,7 @@ def test_dry_friction_is_refused():
 
 
 def test_divergence_is_said():
-    """Assert that an unstable model ends in an error that tells the time, not in infinities."""
+    """Assert that an unstable model raises an error with the time instead of infinities."""
     unstable = ParametricSystem("unstable", (Row("mass", "q", "v", {"k": "q"}),))
     with pytest.raises(SimulationError, match="diverges") as caught:
         free_run(unstable, {"k": 100.0}, [1.0, 0.0], np.zeros(10_001), 1e-2)

@@ -38,7 +38,7 @@ def watch(*rows, window=2.0):
 
 
 def trapezoidal_error(watched: lyapunov.LyapunovMonitor) -> float:
-    """Return what the imbalance may be by the trapezoidal rule alone: h²/12 ∫|V'''| dt / V(0)."""
+    """Return the imbalance due to the trapezoidal rule alone: h²/12 ∫|V'''| dt / V(0)."""
     step = watched.time[1] - watched.time[0]
     return step / 12.0 * np.abs(np.diff(watched.rate, 2)).sum() / watched.value[0]
 
@@ -50,7 +50,7 @@ def imbalance(watched: lyapunov.LyapunovMonitor) -> float:
 
 
 def test_small_rises_are_seen(history):
-    """Assert that a jump of a millionth, or a slow creep that adds up, is reported as a rise."""
+    """Assert that a jump of a millionth, or a slow accumulated rise, is reported."""
     errors = history.errors.copy()
     errors[2001:] = errors[2000] * (1 + 1e-6)
     assert watch(replace(history, errors=errors)).rise_in_tolerances > lyapunov.ALLOWED_RISE
@@ -59,7 +59,7 @@ def test_small_rises_are_seen(history):
 
 
 def test_dissipation_balances_the_fall_of_the_value(history):
-    """Assert that the integral of V' is the change of V, but not with a wrong gain in eq. (9)."""
+    """Assert that V' integrates to the change of V, and not with a wrong gain in eq. (9)."""
     both, watched = watch(history, history), watch(history)
     np.testing.assert_allclose(both.value, np.sum(history.errors**2, axis=1), rtol=1e-13)
     assert imbalance(watched) < trapezoidal_error(watched) < 1e-4
@@ -71,14 +71,14 @@ def test_dissipation_balances_the_fall_of_the_value(history):
     [
         (None, 2.0, True, True),
         (np.tile([1.0, -2.0], (len(TIME), 1)), 2.0, True, False),
-        # Without a limit, which the theorem leaves open.
+        # Without a limit, which the theorem does not require.
         (np.sin(np.log1p(TIME))[:, None] * [1.0, 1.0] + 1.0, 5.0, False, False),
         (np.cos(4.5 * np.pi / 20.0 * TIME)[:, None] * [1.0, 1.0], 2.0, False, False),
     ],
     ids=["vanishing", "constant", "oscillating", "zero in passing"],
 )
 def test_limits_of_errors(history, errors, window, settled, vanished):
-    """Assert that errors are called settled where they stop, and gone where that is zero."""
+    """Assert that constant errors count as settled, and zero ones as gone."""
     if errors is None:
         errors = history.errors * np.exp(-TIME)[:, None]
     limits = watch(replace(history, errors=errors), window=window).limits
@@ -86,7 +86,7 @@ def test_limits_of_errors(history, errors, window, settled, vanished):
 
 
 def test_dissipation_balances_along_a_closed_loop():
-    """Assert that (9) integrates to (8) along the paper's loop once samples resolve the motion."""
+    """Assert that (9) integrates to (8) along the paper's loop if samples resolve the motion."""
     loop = table1_loop((1, 2, 3), reference=sine(0.1))
     run = simulate(loop, 5.0, 1e-4, 1e-8)
     assert lyapunov.monitor_run(run, 1.0).rise_in_tolerances <= lyapunov.ALLOWED_RISE
@@ -99,7 +99,7 @@ def test_dissipation_balances_along_a_closed_loop():
 
 
 def test_a_sampled_run_is_refused():
-    """Assert that a run without a tolerance is refused with a remedy, not with a KeyError."""
+    """Assert that a run without a tolerance is refused with a remedy."""
     loop = table1_loop((1, 2, 3), reference=sine(0.1))
     run = simulate(loop, 0.1, 1e-2, 1e-6)
     with pytest.raises(SettingError, match="continuous run"):

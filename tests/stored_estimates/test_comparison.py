@@ -1,4 +1,4 @@
-"""Two estimates side by side: closed forms, SciPy's tests, and how often chance is a change."""
+"""Comparison of two estimates: closed forms, SciPy's tests, and the rate of false alarms."""
 
 from dataclasses import replace
 from typing import Any
@@ -21,7 +21,7 @@ from made_estimates import STIFFER, TRUE, drawn, estimate_of, exact, with_parame
 
 
 def number(value, std, freedom=np.inf, *, unit="N m", name="gravity_torque", logarithmic=False):
-    """A parameter with its interval."""
+    """Return a parameter with its interval."""
     ends = (logarithmic_interval if logarithmic else interval)(value, std, freedom)
     judged = verdict(value, ends)
     return ValueEstimate(
@@ -33,7 +33,7 @@ A, B = exact(TRUE, "a"), exact(TRUE, "b")
 
 
 def compared(a, b, *, same_log=False):
-    """The difference of one number in two estimates that hold nothing else."""
+    """Return the difference of one value in two estimates of this value alone."""
     first, second = (
         replace(e, parameters={p.name: p}) for e, p in zip((A, B), (a, b), strict=True)
     )
@@ -44,7 +44,7 @@ def compared(a, b, *, same_log=False):
 
 
 def test_two_samples_as_scipy_tests_them():
-    """Assert that difference, interval and probability are those of Welch's test of two samples."""
+    """Assert that difference, interval and probability equal Welch's test of two samples."""
     rng = np.random.default_rng(3)
     before, after = rng.normal(10.0, 1.0, 12), rng.normal(10.8, 0.4, 25)
     a, b = (number(x.mean(), x.std(ddof=1) / len(x) ** 0.5, len(x) - 1.0) for x in (before, after))
@@ -59,7 +59,7 @@ def test_two_samples_as_scipy_tests_them():
 
 
 def test_a_ratio_has_its_interval_on_the_logarithm():
-    """Assert that of two reciprocals the ratio is compared, and turned round is the reciprocal."""
+    """Assert the interval of a ratio on the logarithm; the reverse comparison is reciprocal."""
     a = number(2.0, 0.1, name="motor_inertia", logarithmic=True)
     b = number(2.4, 0.3, name="motor_inertia", logarithmic=True)
     found, back = compared(a, b), compared(b, a)
@@ -74,7 +74,7 @@ def test_a_ratio_has_its_interval_on_the_logarithm():
 
 
 def test_no_percentage_is_made_of_angles_and_of_what_may_be_zero():
-    """Assert that 3.1 and -3.1 rad are 0.083 rad apart, and a friction differs in its unit."""
+    """Assert that angles, and values that may be zero, are compared in their unit."""
     found = compared(*(number(x, 0.01, name="gravity_angle", unit="rad") for x in (3.1, -3.1)))
     assert found.value == pytest.approx(2.0 * np.pi - 6.2)
     assert np.isnan(found.percent)
@@ -86,7 +86,7 @@ def test_no_percentage_is_made_of_angles_and_of_what_may_be_zero():
 
 @pytest.mark.parametrize("correlation", [0.0, 0.9])
 def test_one_drive_twice_is_said_to_have_changed_in_one_comparison_of_twenty(correlation):
-    """Assert that the answer of all numbers errs no more often."""
+    """Assert a rate of false alarms of at most 5 % for one drive compared twice."""
     rng = np.random.default_rng(5)
     count, freedom = 500, 15
     found = [
@@ -104,7 +104,7 @@ def test_one_drive_twice_is_said_to_have_changed_in_one_comparison_of_twenty(cor
 
 
 def test_holm_lies_between_one_by_one_and_all_times_their_number():
-    """Assert Holm's steps on a case counted by hand."""
+    """Assert Holm's steps by hand."""
     assert holm([0.01, 0.04, 0.03, 0.005], 0.05) == [True, False, False, True]
     assert holm([0.012, 0.016, 0.024, 0.05], 0.05) == [True, True, True, True]
     assert holm([0.013, 0.016, 0.024, 0.05], 0.05) == [False] * 4
@@ -112,7 +112,7 @@ def test_holm_lies_between_one_by_one_and_all_times_their_number():
 
 
 def test_one_log_cannot_have_changed():
-    """Assert that estimates of one log are compared by the sum of their deviations."""
+    """Assert that estimates of one log are compared by the sum of their standard errors."""
     near, far = (compared(number(5.0, 0.1), number(b, 0.1), same_log=True) for b in (5.37, 5.43))
     assert near.outcome == "compatible"
     assert far.outcome == "contradictory"
@@ -120,7 +120,7 @@ def test_one_log_cannot_have_changed():
 
 
 def test_an_estimate_and_itself_are_refused():
-    """Assert that one estimate twice is refused, and the same numbers of another log are not."""
+    """Assert that one estimate twice is refused, and that equal values of two logs are compared."""
     a = drawn(np.random.default_rng(9))
     with pytest.raises(SettingError, match="A and B are the same estimate"):
         compare_estimates(a, a)
@@ -130,7 +130,7 @@ def test_an_estimate_and_itself_are_refused():
 
 
 def read_from(estimate, *columns):
-    """The same, with the columns that the positions of its log came from."""
+    """Return the estimate with other source columns of its positions."""
     channels = ("motor_position", "link_position")
     said = {c: {"columns": {x: 1.0}} for c, x in zip(channels, columns, strict=True)}
     said["motor_torque"] = {"columns": {"u": 1.0}}
@@ -143,7 +143,7 @@ GIVEN = {"value": 100.0, "std": 0.0, "interval": (100.0, 100.0)}
 
 
 def with_term(log, names, value=0.5, **shapes):
-    """A drive with a term, by parameter and coefficient, that rests on constants of shapes."""
+    """Return a drive with a term, by parameter and coefficient, that depends on constants."""
     made, (parameter, coefficient) = exact(TRUE, log), names
     slopes = {coefficient: 1.0}
     size = replace(number(value, 0.01 * value, 30.0, name=parameter), slopes=slopes)
@@ -162,19 +162,19 @@ PLAY = ("half_backlash", "alpha_backlash")
 
 
 def beside(estimate, *more):
-    """The same with more parameters."""
+    """Return the estimate with more parameters."""
     return replace(estimate, parameters={**estimate.parameters, **{p.name: p for p in more}})
 
 
 def moved(estimate, deviations):
-    """The same of another log, its gravity so many deviations of a difference larger."""
+    """Return an estimate of another log, with gravity shifted by these standard errors."""
     other, p = estimate_of(estimate.fit, "another log"), estimate.parameters["gravity_torque"]
     away = deviations * np.sqrt(2.0) * p.std
     return with_parameter(other, "gravity_torque", value=p.value + away)
 
 
 def of_shapes(names, shape, first, second, size=0.5):
-    """Two drives with a term of one shape."""
+    """Return two drives with a term of one shape."""
     return with_term("a", names, **{shape: first}), with_term("b", names, size, **{shape: second})
 
 
@@ -224,12 +224,12 @@ PAIRS = {
         f"ripples of {first} and {second}": of_shapes(RIPPLE, "ripple_number", first, second)
         for first, second in ((23.4, 23.6), (23.4, 24.0))
     },
-    # The amplitude does not depend on where a ripple counts from.
+    # The amplitude does not depend on the origin of a ripple.
     **{
         f"ripples from {origin}": of_shapes(RIPPLE, "ripple_origin", 6.28, origin)
         for origin in (0.0, -6.28, 12.56)
     },
-    # A gap has its own width, unless one was chosen for the motion.
+    # A gap has its own width, unless the width was chosen by the motion.
     **{
         f"a gap of 0.5, {width} wide, {size}": of_shapes(PLAY, "backlash_width", 0.5, width, size)
         for width, size in ((1.5, 1.5), (3.05, 1.5), (1.5, -1.5))
@@ -238,7 +238,7 @@ PAIRS = {
 
 
 def said(a, b):
-    """The answer, what is no agreement and why, and what limits the comparison."""
+    """Return the answer, disagreements with reasons, and limits of the comparison."""
     found = compare_estimates(a, b)
     answer = "agree" if found.agree else "differ" if found.differ else "no answer"
     differences = (*found.parameters.values(), *found.coefficients.values())
@@ -253,5 +253,5 @@ def said(a, b):
 
 
 def test_what_is_compared(golden):
-    """Assert what has changed and what is not compared, why, and what limits a comparison."""
+    """Assert the changes, values that are not compared with reasons, and limits."""
     golden({name: said(*pair) for name, pair in PAIRS.items()})

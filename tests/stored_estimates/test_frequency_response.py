@@ -1,4 +1,4 @@
-"""The frequency response of an identified joint: closed forms, coverage of its band."""
+"""Frequency response of an identified joint: closed forms, and coverage of its band."""
 
 from dataclasses import replace
 from functools import partial
@@ -27,7 +27,7 @@ HALF_GAP = 2e-3  # rad
 
 
 def broad(samples, seed, play=()):
-    """A torque with all frequencies from 0.05 to 20 Hz, and the motion of the joint under it."""
+    """Return a torque with all frequencies from 0.05 to 20 Hz, and the joint's motion."""
     generator = np.random.default_rng(seed)
     hertz = np.arange(1, 400) / (samples * STEP)
     time = STEP * np.arange(samples)
@@ -51,18 +51,18 @@ def broad(samples, seed, play=()):
 
 @pytest.fixture(scope="module")
 def log():
-    """A log of 20 s."""
+    """Return a log of 20 s."""
     return broad(20_000, seed=3)
 
 
 @pytest.fixture(scope="module")
 def estimate(log):
-    """What is found in it."""
+    """Return the estimate of the log."""
     return flexid.identify(log, terms=TERMS, hold="zero", segment_duration=1.0)
 
 
 def two_masses(c, omega):
-    """Velocities of motor and link per torque, by Cramer's rule on the two-mass drive."""
+    """Return velocities of motor and link per torque, by Cramer's rule."""
     s = 1j * omega
     spring = c["theta2"] + s * c["theta_damping"]
     coupled = c["alpha1"] + s * c["alpha_damping"]
@@ -74,7 +74,7 @@ def two_masses(c, omega):
 
 @pytest.mark.parametrize("position", [0.0, 2.0])
 def test_it_is_that_of_the_two_mass_drive(estimate, position):
-    """Assert that both responses are the closed form, at any frequency and about any position."""
+    """Assert both responses by closed forms, at any frequency and any position."""
     hertz = np.geomspace(0.01, 300, 50)
     found = estimate.frequency_response(frequency=hertz, position=position)
     values = {name: c.value for name, c in estimate.coefficients.items()}
@@ -90,7 +90,7 @@ def test_it_is_that_of_the_two_mass_drive(estimate, position):
 
 
 def test_of_play_it_is_that_of_the_joint_in_contact():
-    """Assert that a spring with play has the stiffness that it has beyond its gap."""
+    """Assert the stiffness beyond the gap for a spring with play."""
     logged = broad(10_000, seed=4, play=("backlash",))
     found = flexid.identify(logged, terms=(*TERMS, "backlash"), hold="zero", segment_duration=1.0)
     values = {name: c.value for name, c in found.coefficients.items()}
@@ -102,7 +102,7 @@ def test_of_play_it_is_that_of_the_joint_in_contact():
 
 
 def test_of_a_bent_spring_it_is_that_below_the_bend():
-    """Assert that for small motions a bend counts for nothing, whatever else a shape may have."""
+    """Assert the stiffness below the bend for a bent spring, at small motions."""
     bent = made_estimates.exact(made_estimates.TRUE | {"theta_bend": 30.0, "alpha_bend": 100.0}, "")
     shapes = {BEND_DEFLECTION: 0.02, SPRING_CENTRE: 0.0}
     choices = replace(bent.choices, terms=(*bent.choices.terms, "bent_spring"), shapes=shapes)
@@ -115,7 +115,7 @@ def test_of_a_bent_spring_it_is_that_below_the_bend():
 
 
 def test_the_interval_of_a_resonance_follows_the_covariance(estimate):
-    """Assert that its deviation is that of draws of the coefficients, correlations included."""
+    """Assert the resonance's standard error against draws of correlated coefficients."""
     joint = linear_joint(estimate.result)
     generator = np.random.default_rng(11)
     draws = joint.deviations @ generator.standard_normal((joint.deviations.shape[1], 4000))
@@ -128,7 +128,7 @@ def test_the_interval_of_a_resonance_follows_the_covariance(estimate):
     (found,) = (f for f in frequency_response(estimate.result).characteristic if f.name[0] == "r")
     half = (found.interval[1] - found.interval[0]) / 2
     deviation = half / quantile(joint.degrees_of_freedom)
-    assert deviation == pytest.approx(np.std(resonance), rel=0.06)  # of 4000 draws: 1.1 %
+    assert deviation == pytest.approx(np.std(resonance), rel=0.06)  # 1.1 % scatter
 
 
 LIGHT = {"theta1": 5.0, "theta2": 100.0, "alpha1": 333.0, "alpha2": 0.33, "beta1": 3.33}
@@ -138,7 +138,7 @@ LIGHT = {"theta1": 5.0, "theta2": 100.0, "alpha1": 333.0, "alpha2": 0.33, "beta1
     ("values", "spread", "seed"), [(LIGHT, 0.05, 1), (LIGHT, 0.005, 2), (TRUE, 0.05, 3)]
 )
 def test_the_band_covers(estimate, values, spread, seed):
-    """Assert that 95 % bands hold the truth in about 95 % of correlated draws, beside peaks too."""
+    """Assert that 95 % bands cover about 95 % of correlated draws, also near peaks."""
     joint = linear_joint(estimate.result)
     full = np.array([values.get(name, 0.0) for name in joint.names])
     mixed = np.random.default_rng(seed).standard_normal((len(values), len(values)))
@@ -167,16 +167,16 @@ def test_the_band_covers(estimate, values, spread, seed):
         turned = (behind <= angle) & (angle <= ahead)
         inside.append((held, turned))
     shares = np.mean(inside, axis=0)
-    assert shares.min() > 0.89  # of 250 draws; 0.95 less four of their deviations
+    assert shares.min() > 0.89  # of 250 draws; 0.95 minus four standard errors
     assert 0.92 < shares.mean() < 0.985
 
 
 def test_what_is_not_determined_leaves_no_band(estimate):
-    """Assert that a free coefficient is named, in the figure too, and has no finite band."""
+    """Assert that an undetermined coefficient is named, in the figure too, without finite band."""
     lost = estimate.result.fit.without_knowledge_of({"theta2"})
     coefficients = estimate.result.coefficients
     found = frequency_response(replace(estimate.result, fit=lost))
-    assert found.unknown == ("theta2", "theta_damping")  # which follows from it
+    assert found.unknown == ("theta2", "theta_damping")  # tied to theta2
     assert np.isinf(found.responses[0].upper).all()
     assert found.characteristic[0].interval == (0.0, np.inf)
     titles = [panel.title for panel in bode_chart(found).panels]
@@ -189,7 +189,7 @@ def test_what_is_not_determined_leaves_no_band(estimate):
     [("theta2", 0.0, set()), ("beta1", 0.0, {0, 1}), ("alpha1", np.nan, set())],
 )
 def test_a_joint_that_is_none_can_be_drawn(estimate, name, value, still):
-    """Assert that a spring or a gain at zero, and a value that is none, leave a figure."""
+    """Assert that zero or missing values of spring or gain still give a figure."""
     changed = replace(estimate.result.coefficients[name], value=value, slopes={})
     coefficients = {**estimate.result.coefficients, name: changed}
     found = frequency_response(replace(estimate.result, coefficients=coefficients))
@@ -200,14 +200,14 @@ def test_a_joint_that_is_none_can_be_drawn(estimate, name, value, still):
 
 
 def test_nonsense_is_refused(estimate, refusals):
-    """Assert that each option that is none is refused with what would be right."""
+    """Assert that invalid options are refused with valid ones."""
     numbers = ([1.0, 0.0], [np.nan], [], "all")
     options = [{"frequency": f} for f in numbers] + [{"position": np.inf}, {"level": 95}]
     refusals({str(one): partial(estimate.frequency_response, **one) for one in options})
 
 
 def test_link_and_rigid_joint_have_one_as_well(log):
-    """Assert that a log without torque gives link over motor, one encoder the rigid joint."""
+    """Assert link over motor without a torque, and the rigid joint's response for one encoder."""
     del_torque = {name: values for name, values in log.items() if "torque" not in name}
     link = flexid.identify(del_torque, terms=("gravity", "joint_damping"), segment_duration=1.0)
     (response,) = link.frequency_response(frequency=np.array([0.001, 8.0])).responses

@@ -1,4 +1,4 @@
-"""A stored estimate on other logs: its answers again, and one sentence for what is none."""
+"""Validation of a stored estimate with other logs, and refusals."""
 
 import json
 from dataclasses import replace
@@ -24,7 +24,7 @@ CHANNELS = ("link_position", "motor_position", "deflection")
 
 
 def torque(seed, duration=8.0):
-    """A torque of four tones with phases of its own, held from sample to sample."""
+    """Return a torque of four tones with random phases, held between samples."""
     phases = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, 4)
     t = STEP * np.arange(round(duration / STEP))
     tones = np.sin(np.outer(t, [0.9, 4.3, 15.0, 24.0]) + phases)
@@ -32,35 +32,35 @@ def torque(seed, duration=8.0):
 
 
 def write_flexible(path, seed=0, duration=8.0, column="motor_torque [N m]"):
-    """A log of Table I's joint from rest."""
+    """Write a log of Table I's joint from rest."""
     _, u = torque(seed, duration)
     return read_log(write_held_log(path, u, NOISE, seed + 100, column=column))
 
 
 def stored(coefficients=TRUE, keys="", value=None):
-    """A joint as a document, Table I's if not given, with another value somewhere."""
+    """Return a joint as a document, by default Table I's, with one value changed."""
     document = stored_document(coefficients)
     return altered(document, keys, value) if keys else document
 
 
 def validate_estimate(estimate, logs):
-    """A file, or the content of one, held against logs."""
+    """Validate a file, or its content, with logs."""
     content = sealed(estimate) if isinstance(estimate, dict) else estimate
     return validate_stored(read_estimate(content), logs)
 
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
-    """A log of the joint."""
+    """Return a log of the joint."""
     return write_flexible(tmp_path_factory.mktemp("log") / "log.csv")
 
 
 def test_the_truth_leaves_the_noise(log):
-    """Assert that the true values predict all that is no noise, however long."""
+    """Assert that predictions of the true values are at the noise, over any horizon."""
     found = validate_estimate(stored(), [log])
     assert set(found.fit_percent) == set(CHANNELS)
     assert set(found.horizons) == {0.05, 0.2, 1.0, 5.0}
-    for horizon in (0.05, 0.2):  # longer ones show that the first state is not known exactly
+    for horizon in (0.05, 0.2):  # longer ones show errors of the initial state
         residuals = found.residuals[horizon]
         assert residuals["link_position"] == pytest.approx(NOISE, rel=0.2)
         assert residuals["motor_position"] == pytest.approx(NOISE, rel=0.2)
@@ -75,18 +75,18 @@ def test_the_truth_leaves_the_noise(log):
 
 
 def test_what_identify_reports_comes_again(log, tmp_path):
-    """Assert that a stored estimate predicts the end that identify held out as well as that did."""
+    """Assert that a stored estimate predicts the held-out end as well as identify did."""
     result = identify([log], Settings(terms=("gravity", "motor_viscous")))
     path = tmp_path / "estimate.json"
     path.write_text(to_json(estimate_document(result)))
     start = len(log.recordings[0]) - round(len(log.recordings[0]) / 3)
-    # From half a second before the end that was held out, so that the same stretch is predicted.
+    # Starts 0.5 s before the held-out end, so that the same part is predicted.
     part = log.recordings[0].window(start - round(0.5 / STEP), len(log.recordings[0]))
     end = replace(log, recordings=(part,), sha256="of the end alone")
     found = validate_estimate(path, [end])
     for channel in CHANNELS:
         once = result.validation.fit_percent[channel]
-        # The values are now those of all data.
+        # The stored values are those of all data.
         assert 100 - found.fit_percent[channel] == pytest.approx(100 - once, rel=0.3)
     assert found.warnings == ()
     (warning,) = validate_estimate(path, [log]).warnings
@@ -94,7 +94,7 @@ def test_what_identify_reports_comes_again(log, tmp_path):
 
 
 def test_a_wrong_stiffness_predicts_less(log):
-    """Assert that 5 % more stiffness lowers every fit, the more the longer the prediction."""
+    """Assert that 5 % more stiffness lowers every fit, most over long horizons."""
     wrong = stored()
     for name in ("theta2", "alpha1"):
         wrong["coefficients"][name]["value"] *= 1.05
@@ -107,10 +107,10 @@ def test_a_wrong_stiffness_predicts_less(log):
 
 
 def test_delays_are_heeded(tmp_path):
-    """Assert that an input recorded early is predicted with the delay, and not without."""
+    """Assert that an early input is predicted with its delay, and not without."""
     _, u = torque(3)
     x = free_run(flexible_joint(), TRUE, np.zeros(4), u, STEP, "zero")
-    early = np.append(u[5:], np.full(5, u[-1]))  # it acts 10 ms after it was recorded
+    early = np.append(u[5:], np.full(5, u[-1]))  # acts 10 ms after its record
     log = read_log(save(tmp_path / "late.csv", x, early, 0.0, 0))
     late = stored(keys="choices.alignment.input_delay.value", value=0.01)
     with_delay = validate_estimate(late, [log]).horizons[0.2]["deflection"]
@@ -120,7 +120,7 @@ def test_delays_are_heeded(tmp_path):
 
 
 def test_shapes_need_their_widths(log):
-    """Assert that backlash of no size changes nothing, and that its width must be there."""
+    """Assert that backlash of zero size changes nothing, and that its width is required."""
     document = stored()
     for name in ("alpha_backlash", "theta_backlash"):
         document["coefficients"][name] = stored_value(0.0, name=name)
@@ -134,7 +134,7 @@ def test_shapes_need_their_widths(log):
 
 
 def test_offsets_of_several_logs(log):
-    """Assert that offsets found log by log are averaged, and that this is said."""
+    """Assert that offsets of several logs are averaged, with a message."""
     document = stored()
     document["coefficients"] |= {
         name: stored_value(v, name=name)
@@ -147,7 +147,7 @@ def test_offsets_of_several_logs(log):
 
 
 def test_a_rigid_joint():
-    """Assert that the estimate of a rigid joint predicts the motor's encoder, that of two too."""
+    """Assert that a rigid joint predicts the motor's encoder, also in a log with two encoders."""
     t, u = torque(4)
     true = {"gamma1": 4.0, "beta1": 0.8}
     x = free_run(rigid_joint(("gravity",)), true, np.zeros(2), u, STEP, "zero")
@@ -164,14 +164,14 @@ def test_a_rigid_joint():
 
 
 def test_an_undetermined_value_is_said(log):
-    """Assert that what rests on a guess is named."""
+    """Assert that a prediction with an undetermined value names it."""
     document = stored(keys="coefficients.alpha2.verdict", value="undetermined")
     (warning,) = validate_estimate(document, [log]).warnings
     assert "alpha2" in warning
 
 
 def test_another_input_is_refused(tmp_path, log):
-    """Assert that a log of a voltage, or of less than half a second to start from, is refused."""
+    """Assert that a log of a voltage, or too short for the initial state, is refused."""
     document = stored(keys="coefficients.beta1.unit", value="rad/s^2/(N m)")
     assert validate_estimate(document, [log]).fit_percent["link_position"] > 99
     other = write_flexible(tmp_path / "volts.csv", column="motor_voltage [V]")
@@ -191,14 +191,14 @@ def test_another_input_is_refused(tmp_path, log):
     ],
 )
 def test_an_estimate_of_no_model_is_refused(log, document, complaint):
-    """Assert that coefficients that make no model are named in one line."""
+    """Assert that coefficients of no model are named in one line."""
     with pytest.raises(SettingError, match=complaint) as caught:
         validate_estimate(document, [log])
     assert "\n" not in str(caught.value)
 
 
 def test_the_command(flexid, tmp_path):
-    """Assert that the command prints within the page and writes document and figure."""
+    """Assert that the command prints within the page, and writes document and figure."""
     write_flexible(tmp_path / "log.csv")
     path = tmp_path / "estimate.json"
     path.write_text(json.dumps(sealed(stored())))

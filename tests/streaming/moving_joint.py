@@ -1,4 +1,4 @@
-"""A noisy joint whose parameters are known, as a stream of samples, and sessions that watch it."""
+"""A noisy joint with known parameters as a stream of samples, and sessions fed with it."""
 
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -31,7 +31,7 @@ TIME, LINK, MOTOR, TORQUE = 0, 1, 2, 3  # columns of a sample
 
 
 def torque(time):
-    """Two sines, in N m."""
+    """Return the sum of two sines, in N m."""
     return 20.0 * np.sin(2.0 * time) + 10.0 * np.sin(5.3 * time)
 
 
@@ -44,7 +44,7 @@ def _clean(duration: float) -> np.ndarray:
 
 
 def stream(duration: float = 8.0, seed: int = 1) -> np.ndarray:
-    """Samples, shape (n, 4): time, link, motor, torque; encoders are noisy."""
+    """Return samples, shape (n, 4): time, link, motor, torque; encoders are noisy."""
     samples = _clean(duration).copy()
     generator = np.random.default_rng(seed)
     samples[:, [LINK, MOTOR]] += NOISE * generator.standard_normal((len(samples), 2))
@@ -52,11 +52,11 @@ def stream(duration: float = 8.0, seed: int = 1) -> np.ndarray:
 
 
 def loaded_stream(before: float, after: float, factor: float = 1.5, seed: int = 1) -> np.ndarray:
-    """The same, but that the link's inertia and weight are so many times as large after a while."""
+    """Return a stream in which the link's inertia and weight grow by a factor after a while."""
     n = round(before / H)
     time = H * np.arange(n + round(after / H))
     u = torque(time)[:, None]
-    loaded = TRUTH | {"theta2": TRUTH["theta2"] / factor}  # gravity over inertia stays
+    loaded = TRUTH | {"theta2": TRUTH["theta2"] / factor}  # gravity per inertia is kept
     first = free_run(SYSTEM, TRUTH, np.zeros(4), u[: n + 1], H)
     second = free_run(SYSTEM, loaded, first[-1], u[n:], H)
     positions = np.vstack((first[:-1], second))[:, ::2]
@@ -71,45 +71,45 @@ def options_of(
     h: float = H,
     **chosen: object,
 ) -> WatchOptions:
-    """Options of a stream, with an estimate or without."""
+    """Return the options of a stream, with or without an estimate."""
     return options_of_stream(chosen, made, StreamChannels(kind, unit, False, ()), h)
 
 
 def watched(samples: np.ndarray, options: WatchOptions = OPTIONS) -> Session:
-    """A session that was fed all of them."""
+    """Return a session fed with all samples."""
     session = Session(options)
     session.feed(samples)
     return session
 
 
 def log_text(samples: np.ndarray, *columns: int) -> str:
-    """A log of some columns of samples; numbers come back as they were."""
+    """Return a log of some columns of the samples, with all digits."""
     names = ("time", "link_position", "motor_position", "motor_torque")
     rows = [",".join(map(repr, row)) for row in samples[:, columns].tolist()]
     return "\n".join([",".join(names[column] for column in columns), *rows, ""])
 
 
 def followed(path: Path, chosen: dict[str, Any] | None = None, **options: Any) -> Watch:
-    """A log that was followed to its end."""
+    """Return the watch of a log, followed to its end."""
     watch = Watch(str(path), chosen or CHOSEN, stop_at_end=True, **options)
     assert sum(watch.turns()) > 0
     return watch
 
 
 def counted(guard: Guard, *columns: np.ndarray) -> Counts:
-    """What a guard counts of times and what encoders show, with a sine as the input."""
+    """Return a guard's counts for times and encoder readings, with a sine as the input."""
     samples = np.column_stack((*columns, np.sin(columns[0]))).astype(np.float64)
     return guard.counts(guard.guard(guard.first_state(), samples).state)
 
 
 def errors(session: Session, truth=None) -> np.ndarray:
-    """Relative errors of the coefficients."""
+    """Return relative errors of the coefficients."""
     right = np.array(list((truth or TRUTH).values()))
     return np.abs(session.learner.values(session.now.states) / right - 1.0)
 
 
 def all_hold(session: Session, truth=None) -> bool:
-    """Whether every coefficient's interval holds the truth."""
+    """Return whether every coefficient's interval contains the true value."""
     found = session.coefficients
     return all(
         found[name].interval[0] <= value <= found[name].interval[1]
@@ -118,7 +118,7 @@ def all_hold(session: Session, truth=None) -> bool:
 
 
 def same(one: Session | None, other: Session) -> bool:
-    """Whether two sessions know the same of the drive, bit for bit."""
+    """Return whether two sessions have the same state, bit for bit."""
     return all(_plain(getattr(one, name)) == _plain(getattr(other, name)) for name in _KNOWN)
 
 
@@ -126,7 +126,7 @@ _KNOWN = ("fed", "guard_state", "now", "newer", "older", "recent", "suspected", 
 
 
 def _plain(value: Any) -> Any:
-    """The bits of arrays, wherever they stand."""
+    """Return a value with arrays as bytes, at any depth."""
     if isinstance(value, np.ndarray):
         return value.tobytes()
     if isinstance(value, tuple):

@@ -1,4 +1,4 @@
-"""A stream that is held against an estimate made before, and against what is known."""
+"""Comparison of a stream with an earlier estimate, and with prior knowledge."""
 
 import re
 from dataclasses import replace
@@ -19,13 +19,13 @@ TRUTH = {"joint_stiffness": 100.0, "link_inertia": 1.0, "motor_inertia": 0.3, "g
 
 
 def against(**other: float) -> WatchOptions:
-    """Options of a stream that is held against the truth, but for some values."""
+    """Return options with the true values as reference, some of them changed."""
     reference = {name: (value, 1e-3 * value) for name, value in (TRUTH | other).items()}
     return replace(OPTIONS, reference=reference)
 
 
 def test_a_drive_as_it_was_has_not_departed():
-    """Assert that the true values, and values 5 % beside them, leave the health as it is."""
+    """Assert that the true values, and values within 5 %, do not change the health."""
     for options in (against(), against(joint_stiffness=105.0, link_inertia=0.95)):
         session = watched(stream(), options)
         assert session.departures == ()
@@ -33,7 +33,7 @@ def test_a_drive_as_it_was_has_not_departed():
 
 
 def test_a_drive_that_has_departed_is_said_to():
-    """Assert that the health says which parameter differs most, and by how much."""
+    """Assert that the health names the parameter with the largest difference, and its size."""
     session = watched(stream(), against(joint_stiffness=125.0, motor_inertia=0.26))
     assert [d.name for d in session.departures] == ["joint_stiffness", "motor_inertia"]
     assert session.departures[0].change == pytest.approx(-0.2, abs=0.005)
@@ -44,7 +44,7 @@ def test_a_drive_that_has_departed_is_said_to():
 
 
 def estimated(value: float, half: float) -> dict[str, ValueEstimate]:
-    """A parameter with its interval."""
+    """Return a parameter with its interval."""
     ends = (value - half, value + half)
     return {"a": ValueEstimate("a", "N m", value, half / 2.0, ends, "determined")}
 
@@ -54,14 +54,14 @@ def estimated(value: float, half: float) -> dict[str, ValueEstimate]:
     [(109.0, 0.1, 0), (111.0, 0.1, 1), (120.0, 11.0, 0), (120.0, 9.0, 1), (89.0, 0.1, 1)],
 )
 def test_what_counts_as_a_departure(now: float, half: float, count: int):
-    """Assert that it takes a tenth of the value, and twice the half intervals."""
+    """Assert that a departure needs a tenth of the value, and twice the half widths."""
     reference = {"a": (100.0, 1.0), "b": (1.0, 0.1)}
     assert len(departures(reference, estimated(now, half), widths=2.0, least=0.1)) == count
 
 
 @pytest.mark.parametrize(("was", "now", "count"), [(3.1, -3.1, 0), (0.0, 0.09, 0), (3.1, -3.0, 1)])
 def test_an_angle_departs_round_the_circle(was: float, now: float, count: int):
-    """Assert that an angle goes the shorter way, and that its limit is one in rad."""
+    """Assert that angles differ by the shorter way, with a limit in rad."""
     angle = replace(estimated(now, 0.01)["a"], name="gravity_angle", unit="rad")
     found = departures({angle.name: (was, 0.01)}, {angle.name: angle}, widths=2.0, least=0.1)
     assert len(found) == count
@@ -72,12 +72,12 @@ def test_an_angle_departs_round_the_circle(was: float, now: float, count: int):
 
 @pytest.fixture(scope="module")
 def result(example_estimate):
-    """An identification of the example."""
+    """Return an identification of the example."""
     return example_estimate.result
 
 
 def test_a_stream_takes_model_and_filter_of_the_estimate(result):
-    """Assert that all but the values is taken, and what is asked for prevails."""
+    """Assert that a stream takes an estimate's model and filter, unless given otherwise."""
     options = options_of(result)
     assert (options.terms, options.hold) == (("gravity", "motor_viscous"), "zero")
     assert options.filter_rate == result.choices.filter_rate
@@ -85,14 +85,14 @@ def test_a_stream_takes_model_and_filter_of_the_estimate(result):
     options = options_of(result, terms=("gravity",), hold="linear", filter_rate=10.0)
     assert (options.terms, options.hold, options.filter_rate) == (("gravity",), "linear", 10.0)
     assert wanted_kind({}, replace(result, model="link")) == "link"
-    beta = replace(result.coefficients["beta1"], value=3.0, std=0.0)  # given, not estimated
+    beta = replace(result.coefficients["beta1"], value=3.0, std=0.0)  # given instead of estimated
     options = options_of(replace(result, coefficients=result.coefficients | {"beta1": beta}))
     assert options.given == {"beta1": 3.0}
     assert "beta1" not in options.system.coefficients
 
 
 def test_terms_and_filter_are_those_of_the_joint():
-    """Assert that a rigid joint has its own terms, which other names may mean; filters are slow."""
+    """Assert terms of a rigid joint, also by the names of a flexible one, and slow filters."""
     assert options_of(kind="rigid").terms == ("gravity", "viscous", "coulomb")
     options = options_of(kind="rigid", terms=("motor_viscous", "viscous_asymmetry"))
     assert options.terms == ("viscous", "viscous_asymmetry")
@@ -101,7 +101,7 @@ def test_terms_and_filter_are_those_of_the_joint():
 
 @pytest.mark.parametrize("part", ["value", "std", "interval"])
 def test_a_number_that_is_missing_is_compared_with_nothing(result, part: str):
-    """Assert that a parameter without value or interval is left out."""
+    """Assert that a parameter without a finite value or interval is not compared."""
     missing = {"value": np.nan, "std": np.inf, "interval": (-np.inf, 1.0)}[part]
     stiffness = replace(result.parameters["joint_stiffness"], **{part: missing})
     parameters = result.parameters | {"joint_stiffness": stiffness}
@@ -110,7 +110,7 @@ def test_a_number_that_is_missing_is_compared_with_nothing(result, part: str):
 
 
 def test_what_a_stream_is_not_corrected_by_is_warned_of(result):
-    """Assert that a delay is said from a tenth of a sample on, and an amplifier's dead zone."""
+    """Assert warnings of a delay above a tenth of a sample, and of an amplifier's dead zone."""
     late = Delay(0.002, 1e-4, (0.0018, 0.0022), "found")
     alignment = replace(result.choices.alignment, input_delay=late)
     made = replace(result, choices=replace(result.choices, alignment=alignment))
@@ -123,7 +123,7 @@ def test_what_a_stream_is_not_corrected_by_is_warned_of(result):
 
 
 def test_what_is_known_exactly_is_not_sought():
-    """Assert that a given inertia fixes its coefficient, and the rest is told by it."""
+    """Assert that a known inertia fixes its coefficient, and narrows other intervals."""
     free, fixed = (
         watched(stream(), replace(OPTIONS, known=known)) for known in ({}, {"motor_inertia": 0.3})
     )
@@ -135,7 +135,7 @@ def test_what_is_known_exactly_is_not_sought():
 
 
 def test_what_is_nearly_known_narrows():
-    """Assert that knowledge with a deviation is joined to what the stream says."""
+    """Assert that prior knowledge with a standard error narrows intervals."""
     short = stream(4.0)
     known = replace(OPTIONS, known={"link_inertia": 1.0}, known_deviations={"link_inertia": 1e-4})
     free, nearly = watched(short), watched(short, known)
@@ -146,7 +146,7 @@ def test_what_is_nearly_known_narrows():
 
 
 def test_what_is_known_otherwise_is_contradicted():
-    """Assert that a wrong value is not believed in silence."""
+    """Assert that a wrong known value is reported as a contradiction."""
     known = replace(OPTIONS, known={"link_inertia": 2.0}, known_deviations={"link_inertia": 0.01})
     health, reason = watched(stream(), known).health
     assert health is Health.INCONSISTENT
@@ -154,7 +154,7 @@ def test_what_is_known_otherwise_is_contradicted():
 
 
 def test_no_change_is_a_share_of_what_may_be_zero():
-    """Assert that a value beside one whose interval holds zero differs from it in its unit."""
+    """Assert that a difference is given in units if the interval contains zero."""
     reference = {"joint_stiffness": (100.0, 0.1), "gravity_torque": (0.5, 0.6)}
     text = as_text(parts(watched(stream(), replace(OPTIONS, reference=reference))))
     assert re.search(r"joint_stiffness .* [+-]\d\.\d %\n", text)

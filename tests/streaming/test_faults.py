@@ -1,4 +1,4 @@
-"""One fault of a stream after the other, each on a joint whose truth is known."""
+"""Single faults of a stream, on a joint with known parameters."""
 
 from dataclasses import replace
 from functools import partial
@@ -33,11 +33,11 @@ CLOSE = 0.004
 """Errors of eight seconds at 0.1 mrad, at most; without faults they are five times as small."""
 
 
-Change = tuple[Any, Any, float]  # rows, columns, and what is added there
+Change = tuple[Any, Any, float]  # rows, columns, and the added value
 
 
 def displaced(*changes: Change) -> np.ndarray:
-    """The stream with something added in places."""
+    """Return the stream with these values added."""
     samples = stream()
     for rows, columns, added in changes:
         samples[rows, columns] += added
@@ -48,12 +48,12 @@ NO_NUMBERS: tuple[Change, ...] = (
     *((slice(500, None, 700), LINK, np.nan), (slice(900, None, 700), TORQUE, np.inf)),
     (1100, MOTOR, 1e30),
 )
-OUTLIERS: tuple[Change, ...] = (  # learnt from, they would spoil it all
+OUTLIERS: tuple[Change, ...] = (  # used as data, they would ruin the estimate
     *((slice(300, None, 400), LINK, 0.05), (slice(500, None, 400), MOTOR, -0.02)),
 )
 BAD_VALUES: dict[str, tuple[tuple[Change, ...], dict[str, int]]] = {
     "none": ((), {"taken": 4001, "outliers": 0}),
-    "no numbers": (NO_NUMBERS, {"no_number": 6 + 5 + 1, "gaps": 0}),  # the clock went on
+    "no numbers": (NO_NUMBERS, {"no_number": 6 + 5 + 1, "gaps": 0}),  # time goes on
     "outliers": (OUTLIERS, {"outliers": 10 + 9}),
     "readings that noise may make": (((slice(300, None, 400), LINK, 2e-4),), {"outliers": 0}),
     "zeros that moved": (
@@ -65,13 +65,13 @@ BAD_VALUES: dict[str, tuple[tuple[Change, ...], dict[str, int]]] = {
 
 @pytest.mark.parametrize("name", BAD_VALUES)
 def test_bad_values_are_left_out(name: str):
-    """Assert that they are counted, and cost hardly anything."""
+    """Assert that bad values are counted, and hardly change the estimate."""
     changes, counts = BAD_VALUES[name]
     session = watched(displaced(*changes))
     assert {name: getattr(session.counts, name) for name in counts} == counts
     assert session.counts.fed == len(stream())
     assert session.changes == ()
-    if name != "zeros that moved":  # where gravity acts is another angle from then on
+    if name != "zeros that moved":  # the angle of gravity changes with the zero
         assert errors(session).max() < CLOSE
         assert session.health.health is Health.CONVERGED
     if name in ("none", "outliers"):
@@ -80,11 +80,11 @@ def test_bad_values_are_left_out(name: str):
 
 @pytest.mark.parametrize("motor_turn", [0.0, 2.0 * np.pi / 40.0])
 def test_late_and_repeated_samples_are_left_out(motor_turn: float):
-    """Assert that they are counted, and that the estimate is that without them, bit for bit."""
+    """Assert that late and repeated samples are counted, and leave the estimate unchanged."""
     clean, options = stream(), replace(OPTIONS, motor_turn=motor_turn)
     if motor_turn:
         clean[:, MOTOR] %= motor_turn
-    again = np.insert(clean, 1001, clean[1000] + [1e-5, 0.0, 0.3, 0.0], axis=0)  # repeated
+    again = np.insert(clean, 1001, clean[1000] + [1e-5, 0.0, 0.3, 0.0], axis=0)  # a repeated sample
     late = np.insert(again, 2500, clean[2000], axis=0)
     session, right = watched(late, options), watched(clean, options)
     assert session.counts.repeated == session.counts.late == 1
@@ -93,7 +93,7 @@ def test_late_and_repeated_samples_are_left_out(motor_turn: float):
 
 
 def test_a_clock_that_is_set_back_is_followed():
-    """Assert that a recorder which begins again costs some samples and spoils nothing."""
+    """Assert that a restarted clock costs some samples and does not harm the estimate."""
     samples = np.concatenate((stream(4.0, 1), stream(4.0, 2)))
     session = watched(samples)
     assert session.counts.restarts == 1
@@ -102,7 +102,7 @@ def test_a_clock_that_is_set_back_is_followed():
 
 
 def test_after_a_gap_it_is_as_if_a_new_recording_began():
-    """Assert that a gap leaves the batch's answer, and the sum of what two sessions learn."""
+    """Assert that after a gap the estimate equals the batch fit, and information adds up."""
     samples = stream(12.0)
     first, second = samples[:2500], samples[2630:]
     session = watched(np.concatenate((first, second)))
@@ -129,14 +129,14 @@ GEARED = replace(OPTIONS, motor_turn=2.0 * np.pi / GEAR)
 
 
 def in_front_of_the_gear(turns: float) -> np.ndarray:
-    """The stream with the motor's encoder there, which wraps after so many turns."""
+    """Return the stream with the motor's encoder before the gear, with a range of some turns."""
     samples = stream()
     samples[:, MOTOR] %= turns * GEARED.motor_turn
     return samples
 
 
 def about_zero(begins: float) -> np.ndarray:
-    """That of both encoders wrapped after a turn, the link's from a place behind its zero on."""
+    """Return the stream with both encoders wrapped, the link's from an angle behind zero."""
     samples = stream()
     samples[:, LINK] = (samples[:, LINK] + begins) % (2.0 * np.pi) - begins
     samples[:, MOTOR] %= 2.0 * np.pi
@@ -152,7 +152,7 @@ def about_zero(begins: float) -> np.ndarray:
     ids=["from 0.3", "from -0.3", "a turn of a gear", "four turns"],
 )
 def test_encoders_that_wrap_are_unwrapped(options, samples, least):
-    """Assert that they may pass zero at any time, and by the motor's turns in front of a gear."""
+    """Assert that encoders may wrap at any time, also before a gear."""
     session, right = watched(samples(), options), watched(stream())
     assert session.counts.wraps > least
     assert session.counts.outliers == session.counts.jumps == 0
@@ -162,7 +162,7 @@ def test_encoders_that_wrap_are_unwrapped(options, samples, least):
 
 @pytest.mark.parametrize("turns", [1, 4])
 def test_bad_samples_beside_wraps_do_no_harm(turns: int):
-    """Assert that wraps in front of a gear are counted beside outliers, holes and a lost sample."""
+    """Assert that wraps are counted right near outliers, missing values and a lost sample."""
     samples = in_front_of_the_gear(turns)
     session = watched(samples, GEARED)
     wraps = np.flatnonzero(np.abs(np.diff(samples[:, MOTOR])) > 0.5 * GEARED.motor_turn)
@@ -176,7 +176,7 @@ def test_bad_samples_beside_wraps_do_no_harm(turns: int):
 @pytest.mark.parametrize("column", [LINK, MOTOR])
 @pytest.mark.parametrize("stuck", [0, 2600])
 def test_what_a_stuck_encoder_taught_is_taken_back(stuck, column):
-    """Assert that an encoder that freezes is a sensor fault, and leaves the estimate as it was."""
+    """Assert that a frozen encoder is a sensor fault, and leaves the estimate unchanged."""
     samples = stream(8.0 if stuck else 12.0)
     samples[stuck:, column] = samples[stuck, column]
     session = watched(samples)
@@ -191,7 +191,7 @@ def test_what_a_stuck_encoder_taught_is_taken_back(stuck, column):
 
 
 def test_an_encoder_that_comes_back_is_learnt_from_again():
-    """Assert that a fault ends with its cause, and that both encoders may rest together."""
+    """Assert that a fault ends with its cause, and that rest of both encoders is no fault."""
     samples = stream(12.0)
     samples[2000:3000, LINK] = samples[2000, LINK]
     session = watched(samples)
@@ -207,7 +207,7 @@ def test_an_encoder_that_comes_back_is_learnt_from_again():
 
 
 def test_a_torque_sensor_at_its_limit_is_left_out():
-    """Assert that clipped torque is counted, and that what is left gives the right answer."""
+    """Assert that clipped torque is counted, and that the other samples give the right value."""
     samples = stream()
     samples[:, TORQUE] = np.clip(samples[:, TORQUE], -22.0, 22.0)
     clipped = int(np.sum(np.abs(samples[:, TORQUE]) == 22.0))
@@ -220,7 +220,7 @@ def test_a_torque_sensor_at_its_limit_is_left_out():
 
 
 def test_a_load_that_is_picked_up_is_noticed_and_learnt():
-    """Assert that it is said within two windows and one more, and that the new load is found."""
+    """Assert that a new load is reported within three windows, and then identified."""
     samples = loaded_stream(8.0, 10.0)
     session = Session(OPTIONS)
     session.feed(samples[: round(9.6 / H)])
@@ -255,14 +255,14 @@ RESTING[:, [LINK, MOTOR]] += 1e-4 * np.random.default_rng(3).standard_normal((40
     ids=["a drive that stands still", "a torque of the wrong sign", "every third lost"],
 )
 def test_what_the_health_says(samples, health: Health, words: list[str]):
-    """Assert that what is wrong has its state, and a reason that says what to check."""
+    """Assert that each fault has its state, and a reason with the item to check."""
     judgement = watched(samples).health
     assert judgement.health is health
     assert all(word in judgement.reason for word in words)
 
 
 def test_without_a_known_hold_the_interval_covers_both():
-    """Assert that the interval is wider by what the hold matters."""
+    """Assert that an unknown hold widens the interval."""
     samples = stream()
     known = watched(samples)
     unknown = watched(samples, WatchOptions(H, OPTIONS.terms, hold="auto"))
@@ -271,13 +271,13 @@ def test_without_a_known_hold_the_interval_covers_both():
 
 
 def guarded(positions: np.ndarray) -> Counts:
-    """What a guard counts where both encoders show the same."""
+    """Return a guard's counts for two encoders with equal readings."""
     guard = Guard(OPTIONS)
     return counted(guard, H * np.arange(len(positions)), positions, positions)
 
 
 def test_a_drive_that_starts_with_a_jerk_is_believed_after_the_first_time():
-    """Assert that accelerations that no sample before had are refused thrice, and then known."""
+    """Assert that unusual accelerations are rejected three times, and then accepted."""
     time = H * np.arange(4000)
     position = np.zeros(4000)
     for start in (2.0, 6.0):
@@ -288,6 +288,6 @@ def test_a_drive_that_starts_with_a_jerk_is_believed_after_the_first_time():
 
 
 def test_steps_of_a_coarse_encoder_are_no_outliers():
-    """Assert that an encoder that shows a step now and then is refused at the first one alone."""
+    """Assert that the rare steps of a coarse encoder are rejected at the first step alone."""
     link = 0.02 * np.sin(0.5 * H * np.arange(6000))
     assert guarded(np.round(link / 1.5e-3) * 1.5e-3).outliers == 3

@@ -1,4 +1,4 @@
-"""Wraps of an encoder in front of a gear, of a motor that is fast and of a stream with losses."""
+"""Wraps of an encoder before a gear, for fast motors and streams with lost samples."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ TURN = 0.1
 
 
 def moved(peak: float, count: int = 900) -> FloatArray:
-    """Positions of a motor that begins at rest and makes so many turns in a sample at most."""
+    """Return positions of a motor from rest, with at most this many turns per sample."""
     rate = 2.0 * np.pi / 300.0
     noise = 1e-3 * np.random.default_rng(1).standard_normal(count)
     return TURN * (peak / rate * (1.0 - np.cos(rate * np.arange(count))) + noise)
@@ -27,7 +27,7 @@ GUARD = Guard(WatchOptions(H, (), "rigid", filter_rate=5.0, motor_turn=TURN))
 @pytest.mark.parametrize("turns", [1, 4])
 @pytest.mark.parametrize("peak", [0.2, 0.3, 0.45, 0.7])
 def test_a_fast_motor(peak: float, turns: int):
-    """Assert that no turn is lost, however many of them a sample holds, nor where samples are."""
+    """Assert that no turn is lost, for fast motion and missing samples."""
     position = moved(peak)
     kept = np.random.default_rng(2).random(len(position)) >= 0.02
     time, readings = CLOCK[kept], np.mod(position, turns * TURN)[kept]
@@ -39,7 +39,7 @@ def test_a_fast_motor(peak: float, turns: int):
 
 
 def test_outliers_lead_no_turn_astray():
-    """Assert that single ones, within and beyond a quarter of a turn, leave the others."""
+    """Assert that single outliers do not change the turns of other samples."""
     position = moved(0.3)
     readings = np.mod(position, TURN)
     bad = np.arange(10, 880, 20)
@@ -51,7 +51,7 @@ def test_outliers_lead_no_turn_astray():
 
 @pytest.mark.parametrize("peak", [0.3, 0.7])
 def test_a_fast_motor_whose_encoder_does_not_wrap(peak: float):
-    """Assert that nothing is taken off it, at any speed from its first sample on."""
+    """Assert that an encoder without wraps is unchanged, at any speed from its first sample."""
     readings = moved(peak)[75:]
     found, period = without_wraps(CLOCK[75:], readings, TURN)
     np.testing.assert_array_equal(found, readings)
@@ -60,7 +60,7 @@ def test_a_fast_motor_whose_encoder_does_not_wrap(peak: float):
 
 
 def test_an_encoder_that_leaves_its_turn_does_not_wrap():
-    """Assert that what looked like a wrap is taken back where the range shows that it was none."""
+    """Assert that an apparent wrap is reverted if the range of readings exceeds a turn."""
     readings = np.array([0.0, 0.1, 0.105, 0.12, 0.13, 0.14])
     found, period = without_wraps(CLOCK[:6], readings, 0.1)
     np.testing.assert_array_equal(found, readings)

@@ -1,4 +1,4 @@
-"""The rules of the health, each from both sides of its limit, and verdicts of a stream."""
+"""Rules of a stream's health, on both sides of their limits, and verdicts."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ GOOD = Evidence(
 
 
 def widths(half: float, apart: float = 0.0, value: float = 100.0):
-    """The widths of one coefficient."""
+    """Return the widths of one coefficient."""
     return (Width("theta2", value, half, apart),)
 
 
@@ -52,7 +52,7 @@ def widths(half: float, apart: float = 0.0, value: float = 100.0):
     ],
 )
 def test_rules(changes: dict, health: Health, words: str):
-    """Assert that each rule has its state and says why, just beyond its limit and not before."""
+    """Assert that each rule gives its state and reason just beyond its limit, and not before."""
     judgement = judge(GOOD._replace(**changes))
     assert judgement.health is health
     assert words in judgement.reason
@@ -62,24 +62,24 @@ def test_rules(changes: dict, health: Health, words: str):
     ("changes", "contradicted"),
     [
         ({}, False),
-        ({"error": 0.0109}, False),  # slack, and ten times what is usual
+        ({"error": 0.0109}, False),  # allowance and ten times the usual error
         ({"error": 0.0111}, True),
         ({"error": 0.0149, "usual_error": 5e-4}, False),
         ({"error": 0.0151, "usual_error": 5e-4}, True),
-        ({"power": 0.0, "error": 0.0009}, False),  # at rest, noise stays what it was
+        ({"power": 0.0, "error": 0.0009}, False),  # at rest the noise remains
         ({"power": 0.0, "error": 0.0011}, True),
-        ({"power": 4.0, "error": 0.0439}, False),  # and errors grow with the motion
+        ({"power": 4.0, "error": 0.0439}, False),  # errors grow with the motion
         ({"power": 4.0, "error": 0.0441}, True),
     ],
 )
 def test_contradiction(changes: dict, contradicted: bool):
-    """Assert what the latest motion may be mispredicted by, from both sides."""
+    """Assert the limit of the latest motion's prediction error, from both sides."""
     usual = Recent("link", error=1e-4, power=1.0, usual_error=1e-4, usual_power=1.0)
     assert contradicts(usual._replace(**changes)) is contradicted
 
 
 def test_values_are_those_of_the_exported_c():
-    """Assert the numbers by which other languages know the states."""
+    """Assert the numbers of the states, as in exported C."""
     words = ["converging", "converged", "not excited", "inconsistent", "sensor fault"]
     assert [health.words for health in Health] == words
     assert [*map(int, Health)] == [0, 1, 2, 3, 4]
@@ -90,7 +90,7 @@ WITH_COULOMB = WatchOptions(H, ("gravity", "motor_viscous", "motor_coulomb"), ho
 
 @pytest.mark.parametrize(("noise", "expected"), [(3.0, "determined"), (30.0, "undetermined")])
 def test_a_friction_that_is_not_there_is_judged_by_what_it_could_do(noise, expected):
-    """Assert that of a friction whose interval holds zero its share of the acceleration decides."""
+    """Assert that a friction near zero is judged by its share of the acceleration."""
     samples = stream(3.0)
     acceleration = np.gradient(np.gradient(samples[::25, MOTOR], 25 * H), 25 * H)
     rng = np.random.default_rng(2)

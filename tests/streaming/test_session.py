@@ -1,4 +1,4 @@
-"""A session is the same however its stream is cut."""
+"""A session does not depend on the division of its stream into blocks."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ KINDS = {
 
 
 def troubled(kind: str) -> tuple[WatchOptions, np.ndarray]:
-    """Options, and a stream with a fault of every kind in it."""
+    """Return options, and a stream with faults of every kind."""
     options, samples = KINDS[kind], stream(4.0)
     if options.motor_turn:
         samples[:, MOTOR] %= options.motor_turn
@@ -44,7 +44,7 @@ def troubled(kind: str) -> tuple[WatchOptions, np.ndarray]:
 @example(cuts=list(range(1, 1961)))
 @given(cuts=st.lists(st.integers(0, 1960), max_size=12).map(sorted))
 def test_blocks_change_nothing(kind: str, cuts: list[int]):
-    """Assert that a stream cut anywhere, into samples too, is the whole one, bit for bit."""
+    """Assert that a stream divided anywhere gives the same bits as the whole."""
     options, samples = troubled(kind)
     session = Session(options)
     for part in np.split(samples, cuts):
@@ -53,14 +53,14 @@ def test_blocks_change_nothing(kind: str, cuts: list[int]):
 
 
 def spikes() -> np.ndarray:
-    """A link at rest but for jumps as large as any: rounding is all that a lost sample leaves."""
+    """Return a resting link with huge jumps, after which sums consist of rounding errors."""
     samples = np.zeros((34, 4))
     samples[[13, 15, 19, 33], LINK] = 1e10, 1449797.0, 1e10, 1.0
     return samples
 
 
 def faint() -> np.ndarray:
-    """A motion whose powers leave the range of numbers."""
+    """Return a motion whose powers exceed the range of floating point."""
     samples = np.full((3, 4), 4.64249011e-187)
     samples[0, MOTOR], samples[0, TORQUE] = 0.0, 1.0
     return samples
@@ -82,7 +82,7 @@ def faint() -> np.ndarray:
     st.booleans(),
 )
 def test_any_samples_leave_a_state_that_is_finite_or_flagged(samples: np.ndarray, timed: bool):
-    """Assert that no sequence of numbers leaves an estimate that is none, unless it is said."""
+    """Assert that any numbers give a finite estimate, or a sensor fault."""
     if timed:
         samples[:, 0] = H * np.arange(len(samples))
     session = watched(samples)

@@ -31,7 +31,7 @@ LINES = [b"time,a\n", b"0.1,2\n", b"0.2,3\n"]
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    """A log that begins."""
+    """Return the beginning of a log."""
     path = tmp_path / "log.csv"
     path.write_bytes(LINES[0])
     return path
@@ -39,7 +39,7 @@ def log(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def source(log: Path) -> Iterator[Generator[bytes]]:
-    """The log as a source, of which what is there is read."""
+    """Return the log as a source, with its present content read."""
     source = open_source(str(log))
     assert next(source) == LINES[0]
     yield source
@@ -48,7 +48,7 @@ def source(log: Path) -> Iterator[Generator[bytes]]:
 
 @pytest.mark.parametrize("name", ["log.csv", "log.1"])
 def test_a_file_that_grows(log: Path, source: Generator[bytes], name: str):
-    """Assert that the end is waited at, though the file is renamed and nothing takes its place."""
+    """Assert that the source waits at the end of a file, also after it is renamed."""
     later = log.rename(log.with_name(name))
     assert next(source) == b""
     with later.open("ab") as file:
@@ -61,27 +61,27 @@ def test_a_file_that_grows(log: Path, source: Generator[bytes], name: str):
     [
         lambda path: path.write_bytes(b"x\n"),
         lambda path: path.write_bytes(b"time,b\n0.1,4\n0.2,5\n0.3,6\n"),
-        lambda path: (path.rename(path.with_suffix(".1")), path.touch()),  # as logs are rotated
+        lambda path: (path.rename(path.with_suffix(".1")), path.touch()),  # like a log rotation
     ],
     ids=["cut", "written again", "replaced"],
 )
 def test_a_file_that_is_another_is_refused(
     log: Path, source: Generator[bytes], act: Callable[[Path], None]
 ):
-    """Assert that what is written after a log was cut, also beyond its end, is not read on with."""
+    """Assert that a truncated or replaced file is refused."""
     act(log)
     with pytest.raises(RecordingError, match=r"cut, rewritten or replaced .*: watch it once more"):
         next(source)
 
 
 def test_a_file_that_ends(log: Path):
-    """Assert that the end is one where that is wanted."""
+    """Assert that the end of a file ends the source if requested."""
     source = open_source(str(log), stop_at_end=True)
     assert [*source] == LINES[:1]
 
 
 def test_a_last_line_without_an_end(tmp_path: Path):
-    """Assert that an incomplete last line is left out, with a warning."""
+    """Assert that an incomplete last line is omitted, with a warning."""
     samples, log = stream(3.0), tmp_path / "log.csv"
     log.write_text(log_text(samples, TIME, LINK, MOTOR, TORQUE)[:-9])
     watch = followed(log)
@@ -90,7 +90,7 @@ def test_a_last_line_without_an_end(tmp_path: Path):
 
 
 def test_standard_input(monkeypatch: pytest.MonkeyPatch):
-    """Assert that a pipe is read until its other end is closed."""
+    """Assert that a pipe is read until it is closed."""
     reading, writing = os.pipe()
     with os.fdopen(reading) as stdin:
         monkeypatch.setattr(sys, "stdin", stdin)
@@ -106,14 +106,14 @@ NAMES = {"time": TIME, "link_position": LINK, "motor_position": MOTOR, "motor_to
 
 
 def written(path: Path, samples: np.ndarray) -> Path:
-    """The samples as a Parquet file."""
+    """Write the samples to a Parquet file and return its path."""
     frame = pl.DataFrame({name: samples[:, column] for name, column in NAMES.items()})
-    frame.write_parquet(path, row_group_size=130)  # what is read at once
+    frame.write_parquet(path, row_group_size=130)  # rows read at once
     return path
 
 
 def test_a_whole_log_is_watched_as_its_samples_are(tmp_path: Path):
-    """Assert that playing a log at once is feeding it."""
+    """Assert that following a whole log equals feeding its samples."""
     samples = stream(3.0)
     watch = Watch(str(written(tmp_path / "log.parquet", samples)), CHOSEN, stop_at_end=True)
     assert sum(watch.turns()) == 3
@@ -133,9 +133,9 @@ def test_an_encoder_in_front_of_a_gear_wraps_by_what_the_column_map_says(tmp_pat
 
 
 def test_a_parquet_file_is_read_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that no more rows than a block's are read at once, and none is lost between two."""
+    """Assert that at most one block of rows is read at once, and that none is lost."""
     samples = stream(3.0)
-    samples[700:705, TIME] -= 0.5  # late ones, at the end of a block and after it
+    samples[700:705, TIME] -= 0.5  # late samples, at the end of a block and after it
     path = written(tmp_path / "log.parquet", samples)
     monkeypatch.setattr(incoming, "BLOCK", 100)
     found = [*Replay(path, None)]

@@ -1,4 +1,4 @@
-"""Streams and options of streams that are refused, each in one sentence with its remedy."""
+"""Streams and their options that are refused, each in one sentence with a remedy."""
 
 import gzip
 from collections.abc import Callable
@@ -55,7 +55,7 @@ STAMPS = [row[:-1] + ("10:00:00.5" if k < 170 else "fault") for k, row in enumer
 
 
 def stream_of(*lines: str) -> bytes:
-    """A text of lines."""
+    """Return a stream of these lines."""
     return "\n".join([*lines, ""]).encode()
 
 
@@ -77,7 +77,7 @@ SOURCES = ("tcp://127.0.0.1:9000", "no/such/file.csv", ".")
 def test_streams_that_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refusals: Any
 ) -> None:
-    """Assert that what a stream lacks, or cannot be, is said; the limits themselves are taken."""
+    """Assert that unusable streams are refused, and that the limits themselves are accepted."""
     monkeypatch.chdir(tmp_path)
     pl.DataFrame({"time": [0.0, 1.0], "motor_position": [0.0, 1.0]}).write_parquet("log.parquet")
     headed = Watch("log.parquet", CHOSEN, header="time")
@@ -99,7 +99,7 @@ def test_streams_that_are_refused(
 
 
 def test_estimates_that_no_stream_is_compared_with(example_estimate: Any, refusals: Any) -> None:
-    """Assert that another joint or input, a memory and values that are missing are refused."""
+    """Assert that an estimate of another joint or input, with hysteresis or gaps, is refused."""
     made = example_estimate.result
     with_memory = replace(made.choices, terms=("gravity", "spring_hysteresis"))
     missing = replace(made.coefficients["beta1"], value=np.nan, std=0.0)

@@ -1,4 +1,4 @@
-"""Bytes of a stream become the samples that a log of the same text holds."""
+"""Bytes of a stream give the samples of a log with the same text."""
 
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
@@ -18,7 +18,7 @@ ROWS = [
 
 
 def samples_of(text: str, parts: int = 1, column_map=None, header=None) -> np.ndarray:
-    """Samples of a text that comes in some parts."""
+    """Return the samples of a text that arrives in parts."""
     stream, found = TextStream("stream", column_map, header=header), []
     raw = text.encode()
     edges = np.linspace(0, len(raw), parts + 1).astype(int)
@@ -50,7 +50,7 @@ MAP = {
 @pytest.mark.parametrize("parts", [1, 7, 400])
 @pytest.mark.parametrize(("lines", "column_map"), [([HEADER, *ROWS], None), (MAPPED, MAP)])
 def test_samples_are_those_of_the_log(tmp_path: Path, parts: int, lines: list[str], column_map):
-    """Assert that names, units and a column map mean the same, however bytes are cut."""
+    """Assert the samples of the log, with its names, units and column map, for any division."""
     text = "\n".join([*lines, ""])
     (tmp_path / "log.csv").write_text(text)
     (recording,) = read_log(tmp_path / "log.csv", column_map).recordings
@@ -64,14 +64,14 @@ BEGIN = datetime(2024, 5, 1, 23, 59, 59, 900_000, tzinfo=UTC)
 
 
 def stamped(form: str) -> list[str]:
-    """The rows with time stamps for numbers, over midnight."""
+    """Return the rows with time stamps, across midnight."""
     stamps = [(BEGIN + k * timedelta(milliseconds=2)).strftime(form) for k in range(len(ROWS))]
     return [stamp + row[row.index(",") :] for stamp, row in zip(stamps, ROWS, strict=True)]
 
 
 @pytest.mark.parametrize("parts", [1, 40])
 def test_time_stamps_count_from_1970(parts: int):
-    """Assert that they are read as in a log, and one that is none leaves its sample without."""
+    """Assert that time stamps are read as in a log, and that an invalid one drops its sample."""
     rows = stamped("%Y-%m-%dT%H:%M:%S.%f+00:00")
     rows[250] = f"2024-05-02{rows[250][rows[250].index(',') :]}"
     header = HEADER.replace("time [ms]", "time [UTC]")
@@ -85,7 +85,7 @@ def test_time_stamps_count_from_1970(parts: int):
 
 @pytest.mark.parametrize("form", ["%Y-%m-%dT%H:%M:%S.%fZ", "%H:%M:%S.%f", ""])
 def test_a_stream_that_is_joined_in_the_midst_of_a_line(form: str):
-    """Assert that the line costs no other sample, wherever it is cut."""
+    """Assert that a stream that starts within a line loses that line alone."""
     rows = stamped(form) if form else ROWS
     header = HEADER.replace(" [ms]", "") if form else HEADER
     whole = samples_of("\n".join([header, *rows, ""]))
@@ -98,7 +98,7 @@ def test_a_stream_that_is_joined_in_the_midst_of_a_line(form: str):
 
 
 def test_a_line_that_is_no_row_is_a_sample_without_numbers():
-    """Assert that text, a short line and an empty cell are counted as samples, not skipped."""
+    """Assert that text, a short line and an empty cell count as samples without values."""
     rows = [*ROWS]
     rows[250], rows[251], rows[252] = "overrun!", "1,2", "504,,0.1,0.2"
     samples = samples_of("\n".join([HEADER, *rows, "", "# end", ""]))
@@ -110,19 +110,19 @@ def test_a_line_that_is_no_row_is_a_sample_without_numbers():
 
 @pytest.mark.parametrize(("end", "count"), [("\n", 300), ("\r\n", 300), ("\r", 300), ("", 299)])
 def test_a_last_line_without_its_end_is_no_sample(end: str, count: int):
-    """Assert that the last line counts if it has ended, be its line feed on the way."""
+    """Assert that the last line counts only if it has ended, even before its line feed."""
     assert len(samples_of("\n".join([HEADER, *ROWS]) + end)) == count
 
 
 def test_names_of_its_own_count():
-    """Assert that a header that is given does not take the place of the stream's."""
+    """Assert that a given header does not replace the stream's own."""
     text = "\n".join([HEADER, *ROWS, ""])
     found = samples_of(text, header=HEADER.replace("ms", "s"))
     np.testing.assert_array_equal(found, samples_of(text))
 
 
 def test_a_line_without_an_end():
-    """Assert that memory is bounded, and that the lines before it are read."""
+    """Assert that memory is bounded for an endless line, and that earlier lines are read."""
     stream = TextStream("stream", fewest=4)
     lines = b"time,motor_position,motor_torque\n0,0,1\n1,0,2\n2,0,3\n"
     samples = stream.samples(lines + b"1" * 1_000_001)
@@ -130,7 +130,7 @@ def test_a_line_without_an_end():
 
 
 def test_sample_time():
-    """Assert that gaps, repeats and late samples at the beginning do not change it."""
+    """Assert that gaps, repeats and late samples at the start do not change the sample time."""
     time = np.delete(1e-3 * np.arange(200, dtype=np.float64), [20, 21, 22])
     time[[50, 51]] = time[[51, 50]]
     time[70] = time[69]

@@ -1,4 +1,4 @@
-"""A log of any length in one pass."""
+"""Identification of a log of any length in one pass."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -36,7 +36,7 @@ CHOSEN = Settings(
 
 
 def moved(truth: dict[str, float], terms: tuple[str, ...] = (), seed: int = 0) -> Columns:
-    """Forty seconds of a joint at 1 kHz, with noise; friction changes its sign over 1 mrad/s."""
+    """Return forty seconds of a joint at 1 kHz, with noise; friction is smoothed over 1 mrad/s."""
     torque = np.sin(np.outer(TIME, [1.0, 4.3, 7.4, 11.3])) @ np.array([1.5, 3.0, 4.0, 5.0])
     joint = flexible_joint(("gravity", "motor_viscous", *terms), coulomb_velocity=1e-3)
     positions = free_run(joint, truth, np.zeros(4), torque, 1e-3)[:, ::2]
@@ -47,20 +47,20 @@ def moved(truth: dict[str, float], terms: tuple[str, ...] = (), seed: int = 0) -
 
 @pytest.fixture(scope="module")
 def columns() -> Columns:
-    """Table I's joint."""
+    """Return a log of Table I's joint."""
     return moved(TRUE)
 
 
 @pytest.fixture(autouse=True)
 def _small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A head of twelve seconds and blocks of five."""
+    """Reduce the head to twelve seconds and blocks to five."""
     monkeypatch.setattr(whole_log, "HEAD_ROWS", 12_000)
     monkeypatch.setattr(incoming, "BLOCK", 5_000)
 
 
 @pytest.fixture
 def write(tmp_path: Path, columns: Columns) -> Write:
-    """A function that writes the log, without some of its rows, with other columns."""
+    """Return a function that writes the log, without some rows and with other columns."""
 
     def written(lost: tuple[int, ...] = (), **changed: np.ndarray | None) -> Path:
         path = tmp_path / "log.parquet"
@@ -74,7 +74,7 @@ def write(tmp_path: Path, columns: Columns) -> Write:
 
 
 def assert_holds(found: Identification, truth: dict[str, float], error: float = np.inf) -> None:
-    """Assert that every interval holds the truth, and that no value is farther from it."""
+    """Assert that every interval contains the true value, within a maximum error."""
     for name, value in truth.items():
         lower, upper = found.coefficients[name].interval
         assert lower < value < upper, name
@@ -83,7 +83,7 @@ def assert_holds(found: Identification, truth: dict[str, float], error: float = 
 
 @pytest.mark.parametrize("lost", [(), (16_000, 16_001, 31_123)])
 def test_a_stream_is_least_squares_in_memory(write: Write, lost: tuple[int, ...]):
-    """Assert that values are those of batch least squares, with gaps and without."""
+    """Assert that values equal batch least squares, with and without gaps."""
     path = write(lost)
     found = identify_stream(path, settings=CHOSEN)
     samples = [samples_of_recording(recording) for recording in read_log(path).recordings]
@@ -95,7 +95,7 @@ def test_a_stream_is_least_squares_in_memory(write: Write, lost: tuple[int, ...]
 
 
 def test_the_evidence_of_a_stream(write: Write, monkeypatch: pytest.MonkeyPatch):
-    """Assert that the choices are the head's, the whole is judged, and blocks change no digit."""
+    """Assert choices from the head, verdicts from the whole log, and equal bits for any blocks."""
     path, steps = write(), list[str]()
     result = identify_stream(path, progress=steps.append)
     assert set(result.choices.terms) == {"gravity", "motor_viscous"}
@@ -115,7 +115,7 @@ def test_the_evidence_of_a_stream(write: Write, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_a_dead_zone_is_corrected_in_the_whole_log(write: Write, columns: Columns):
-    """Assert that what the head shows of the amplifier is taken off every sample."""
+    """Assert that a dead zone found in the head is corrected in every sample."""
     acting = columns["motor_torque"]
     commanded = acting + 0.4 * np.sign(acting)
     found = identify_stream(write(motor_voltage=commanded, motor_torque=None), settings=CHOSEN)
@@ -126,7 +126,7 @@ def test_a_dead_zone_is_corrected_in_the_whole_log(write: Write, columns: Column
 
 @pytest.mark.parametrize(("link_delay", "input_delay"), [(2.4e-3, 0.0), (-1.3e-3, 0.7e-3)])
 def test_delays_are_covered(write: Write, columns: Columns, link_delay: float, input_delay: float):
-    """Assert that channels that come late, or too soon, cost width, not truth, and are said to."""
+    """Assert that intervals of delayed channels cover the truth, with a warning."""
     late = {
         "link_position": later(columns["link_position"], 1e3 * link_delay),
         "motor_torque": np.interp(TIME + input_delay, TIME, columns["motor_torque"]),
@@ -139,7 +139,7 @@ def test_delays_are_covered(write: Write, columns: Columns, link_delay: float, i
 
 
 def test_what_is_known_and_bounded(write: Write):
-    """Assert that a right value is taken, and a wrong one or a wrong bound costs every verdict."""
+    """Assert that a right known value is used, and that wrong statements cost every verdict."""
     path = write()
     right = identify_stream(path, settings=replace(CHOSEN, known={"motor_inertia": 0.3}))
     assert right.coefficients["beta1"].value == pytest.approx(10 / 3, rel=1e-12)
@@ -152,7 +152,7 @@ def test_what_is_known_and_bounded(write: Write):
 
 
 def test_a_change_of_the_joint_shows(write: Write, columns: Columns):
-    """Assert that a spring that softens is said with its time, and learnt from then on."""
+    """Assert that a softer spring is reported with its time, and identified from then on."""
     soft = {**TRUE, "theta2": 60.0, "alpha1": 200.0}
     other, late = moved(soft), TIME >= 20.0
     positions = ("link_position", "motor_position")
@@ -165,16 +165,16 @@ def test_a_change_of_the_joint_shows(write: Write, columns: Columns):
 
 
 def test_dry_friction_is_covered(write: Write):
-    """Assert that smoothing friction that is dry costs width, not truth."""
+    """Assert that intervals cover the truth although dry friction is smoothed."""
     truth = {**TRUE, "alpha_coulomb": 1.5}
     result = identify_stream(write(**moved(truth, ("motor_coulomb",), 1)))
     assert "motor_coulomb" in result.choices.terms
-    assert result.choices.coulomb_velocity is not None  # what it was smoothed over
+    assert result.choices.coulomb_velocity is not None  # the smoothing velocity
     assert_holds(result, truth)
 
 
 def test_what_cannot_be_streamed(write: Write, tmp_path: Path):
-    """Assert that each is refused in a sentence, a row with its number."""
+    """Assert that each log is refused in one sentence, a row with its number."""
     slow = Settings(terms=("gravity",), hold="linear", filter_rate=0.01)
     with pytest.raises(SettingError, match=r"filter_rate: .* does not suit samples"):
         identify_stream(write(), settings=slow)

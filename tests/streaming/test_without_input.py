@@ -37,7 +37,7 @@ def motion(duration: float = 8.0, seed: int = 1) -> np.ndarray:
 
 @pytest.mark.parametrize("options", [OPTIONS, DAMPED])
 def test_the_link_is_learnt_without_an_input(options: WatchOptions):
-    """Assert that the intervals of gravity and spring hold the truth, and are narrow."""
+    """Assert that intervals of gravity and spring are narrow and cover the truth."""
     session = watched(motion(), options)
     assert all_hold(session, LINK_TRUTH)
     assert np.diff(session.coefficients["theta2"].interval)[0] < 1.0
@@ -47,7 +47,7 @@ def test_the_link_is_learnt_without_an_input(options: WatchOptions):
 
 
 def test_damping_is_found():
-    """Assert that the interval of a damping that is there holds it: the velocity has its size."""
+    """Assert that the interval of damping covers the truth, so that velocity has the right size."""
     damped = {"theta_damping": 0.5, "alpha_damping": 0.5 / 0.3}
     time = H * np.arange(4000)
     system = flexible_joint(("gravity", "motor_viscous", "joint_damping"))
@@ -59,7 +59,7 @@ def test_damping_is_found():
 
 
 def test_a_log_without_a_torque_is_followed(tmp_path: Path):
-    """Assert that the columns decide, and that --model link leaves a torque aside."""
+    """Assert that columns decide the model, and that --model link ignores a torque."""
     for columns, model in (([TIME, LINK, MOTOR], "auto"), ([TIME, LINK, MOTOR, TORQUE], "link")):
         (tmp_path / "log.csv").write_text(log_text(stream(2.0), *columns))
         chosen = {"terms": OPTIONS.terms, "sample_time": H, "kind": model}

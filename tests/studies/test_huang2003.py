@@ -13,7 +13,7 @@ from flexid.studies.runs import closed_loop_poles
     [(1.0, "<=", True), (1.1, "<=", False), (0.9, ">=", False), (float("nan"), "<=", False)],
 )
 def test_a_finding_compares_its_value_with_the_limit(value, relation, expected):
-    """Assert both relations, and that a value that is no number bears nothing out."""
+    """Assert both relations, and that NaN does not confirm a finding."""
     assert Finding("any", "number", value, relation, 1.0).holds is expected
 
 
@@ -22,7 +22,7 @@ def test_a_finding_compares_its_value_with_the_limit(value, relation, expected):
     [((0, 0), "holds"), ((2, 2), "does not hold"), ((0, 2), "depends on the reading")],
 )
 def test_verdict_of_a_claim(values, verdict):
-    """Assert that a claim holds if all its findings do, and depends where they differ."""
+    """Assert that a claim holds if all findings do, and depends on the reading if they differ."""
     findings = tuple(Finding(str(i), "number", value, "<=", 1.0) for i, value in enumerate(values))
     assert Claim("key", "here", "it is so", findings).verdict == verdict
 
@@ -34,7 +34,7 @@ def cases(reproduction):
 
 
 def test_errors_vanish_where_a4_holds(cases):
-    """Assert that along Table I's reference, run for 300 s, all four errors go to zero."""
+    """Assert that along Table I's reference, run for 300 s, all four errors converge to zero."""
     case = cases["(A4) holds"]
     assert case.worst_condition < WEAK_CONDITION
     assert case.vanished
@@ -42,11 +42,11 @@ def test_errors_vanish_where_a4_holds(cases):
 
 
 def test_errors_settle_away_from_zero_at_standstill(cases):
-    """Assert that at a constant reference errors become constant and three of four stay."""
+    """Assert that at a constant reference errors become constant, three of four nonzero."""
     case = cases["(A4) fails: standstill"]
     assert case.settled
     left = {limit.coefficient: limit.last / limit.first for limit in case.limits}
-    assert left["alpha1"] == pytest.approx(0.0, abs=1e-3)  # x1 - x3 is not zero, x4 is
+    assert left["alpha1"] == pytest.approx(0.0, abs=1e-3)  # x1 - x3 is not zero, but x4 is
     assert left["alpha2"] > 0.9
     assert [left[name] for name in ("theta1", "theta2")] == pytest.approx([1.0, 1.0], rel=1e-5)
 

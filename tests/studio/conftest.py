@@ -1,4 +1,4 @@
-"""A studio that runs, and a log that is identified quickly."""
+"""A running studio, and a log that is identified quickly."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import pytest
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
-_LONG = 120_000  # ms, in which a kernel may have to be compiled
+_LONG = 120_000  # ms, enough to compile a kernel
 
 
 @pytest.fixture(scope="module")
@@ -32,13 +32,13 @@ Start = Callable[..., AbstractContextManager[str]]
 
 @pytest.fixture
 def start() -> Start:
-    """Return what starts a studio for a while; it yields the address."""
+    """Return a context manager that runs a studio and yields its address."""
     return started
 
 
 @contextmanager
 def started(*arguments: object) -> Iterator[str]:
-    """Start a studio for a while; yields its address."""
+    """Run a studio and yield its address."""
     command = [sys.executable, "-m", "flexid", "studio", *map(str, arguments)]
     with subprocess.Popen(
         [*command, "--port", "0", "--no-browser"], stdout=subprocess.PIPE, text=True
@@ -52,21 +52,21 @@ def started(*arguments: object) -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def address(short_log: Path) -> Iterator[str]:
-    """Return the address of a studio that was given a log."""
+    """Return the address of a studio with a log."""
     with started(short_log) as found:
         yield found
 
 
 @pytest.fixture(scope="module")
 def empty_address() -> Iterator[str]:
-    """Return the address of a studio that was given no log."""
+    """Return the address of a studio without a log."""
     with started() as found:
         yield found
 
 
 @pytest.fixture
 def page(browser: Browser) -> Iterator[Page]:
-    """Return a window of its own."""
+    """Return a new browser window."""
     context = browser.new_context(viewport={"width": 1280, "height": 900})
     opened = context.new_page()
     opened.set_default_timeout(_LONG)
@@ -76,5 +76,5 @@ def page(browser: Browser) -> Iterator[Page]:
 
 @pytest.fixture
 def anyio_backend() -> str:
-    """Return the event loop of tests that are coroutines."""
+    """Return the event loop of asynchronous tests."""
     return "asyncio"

@@ -1,4 +1,4 @@
-"""What a window has chosen."""
+"""Choices of a window, read from its address."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flexid.studio.choices import Choices, Source, read_choices, read_play
 
 
 def test_an_address_says_all():
-    """Assert that every choice that a form can hold is read."""
+    """Assert that every choice of a form is read."""
     values = {
         "column.motor_position": "q & <b>",
         "unit.motor_position": "deg",
@@ -28,11 +28,11 @@ def test_an_address_says_all():
     terms = ("gravity", "motor_viscous")
     assert read_choices(values) == Choices(sources, 101.0, "flexible", "zero", terms, True, 0.005)
     assert read_choices({}) == Choices()
-    assert read_choices({"terms": ""}).terms == ()  # which is not what the log shows
+    assert read_choices({"terms": ""}).terms == ()  # other than in the log
 
 
 def test_choices_as_a_column_map():
-    """Assert that the map holds what differs from the file, and keeps out what was not chosen."""
+    """Assert that the map has the differences from the file, without unselected columns."""
     choices = read_choices({"column.time": "t", "column.motor_position": "q", "gear_ratio": "101"})
     assert choices.column_map == {
         **dict.fromkeys(SI_UNITS, False),
@@ -45,7 +45,7 @@ def test_choices_as_a_column_map():
 
 
 def test_terms_have_one_order():
-    """Assert that an address that names them otherwise asks for the same."""
+    """Assert that the order of terms in an address does not matter."""
     assert read_choices({"terms": "motor_viscous,gravity"}) == read_choices(
         {"terms": "gravity,motor_viscous,gravity"}
     )
@@ -68,12 +68,12 @@ def test_terms_have_one_order():
     ],
 )
 def test_what_cannot_be_meant_is_refused(values: object):
-    """Assert that an address with other values is answered in a sentence, in either room."""
+    """Assert that an address with invalid values is refused in one sentence, in either room."""
     with pytest.raises(SettingError):
         [read(values) for read in (read_choices, read_play)]
 
 
 def test_what_is_unknown_is_left_out():
-    """Assert that an address names no file, and that no type but text is believed."""
+    """Assert that file names, and values other than text, are ignored in an address."""
     hostile = {"log": "../../etc/passwd", "column.password": "x", "ran": True, 3: "x", "model": 3}
     assert read_choices(hostile) == Choices()

@@ -1,4 +1,4 @@
-"""The room in which a log is identified, in a browser."""
+"""Identification of a log in the studio, in a browser."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Start = Callable[..., AbstractContextManager[str]]
 
 
 def tab_to(page: Page, selector: str) -> None:
-    """Reach an element by the keyboard."""
+    """Move the focus to an element by the keyboard."""
     for _ in range(80):
         page.keyboard.press("Tab")
         if page.evaluate("(s) => document.activeElement?.matches(s)", selector):
@@ -30,13 +30,13 @@ def tab_to(page: Page, selector: str) -> None:
 
 
 def send(page: Page, log: Path) -> None:
-    """Choose a log, as soon as the page takes one."""
+    """Upload a log when the page is ready."""
     page.wait_for_selector("#file:enabled")
     page.set_input_files("#file", log)
 
 
 def test_by_keyboard_from_a_log_to_its_files(page: Page, address: str, tmp_path: Path):
-    """Assert that no mouse is needed: check, terms, identification, another one, files."""
+    """Assert that check, terms, identification, another run and files need no mouse."""
     watched = Watched(page)
     page.goto(address)
     page.wait_for_selector("#run-form")
@@ -57,10 +57,10 @@ def test_by_keyboard_from_a_log_to_its_files(page: Page, address: str, tmp_path:
     report.locator(".chart").nth(2).wait_for()
     frame = page.locator("#report").bounding_box()
     assert frame is not None
-    assert frame["height"] > 2000.0  # all of it
+    assert frame["height"] > 2000.0  # all terms
     assert serious_faults(page) == []
 
-    tab_to(page, "[href='#found']")  # what the page says of itself leads there
+    tab_to(page, "[href='#found']")  # the page's messages link there
     tab_to(page, "[href$='report.html']")
     with page.expect_download() as download:
         page.keyboard.press("Enter")
@@ -83,7 +83,7 @@ def test_by_keyboard_from_a_log_to_its_files(page: Page, address: str, tmp_path:
 
 @pytest.mark.thorough
 def test_a_log_is_sent_and_its_columns_mapped(page: Page, empty_address: str, tmp_path: Path):
-    """Assert that columns without telling names are mapped by hand, with units, and checked."""
+    """Assert that columns with unclear names are mapped by hand, with units, and checked."""
     log = tmp_path / "raw.csv"
     rows = [f"{k},{k % 50},{(k % 50) * 1.1},{(-1) ** (k // 25)}" for k in range(400)]
     log.write_text("\n".join(["a,b,c,d", *rows]))
@@ -113,7 +113,7 @@ def test_a_log_is_sent_and_its_columns_mapped(page: Page, empty_address: str, tm
 
 @pytest.mark.thorough
 def test_a_hostile_log_does_nothing(page: Page, empty_address: str, tmp_path: Path):
-    """Assert that names of columns and of the file are text, whatever stands in them."""
+    """Assert that markup in names of columns and of the file is shown as text."""
     watched = Watched(page)
     evil = "<img src=x onerror=alert(1)>"
     log = tmp_path / f"{evil}.csv"
@@ -136,7 +136,7 @@ def test_a_hostile_log_does_nothing(page: Page, empty_address: str, tmp_path: Pa
     "path", ["files/x/estimate.json", "files/../../etc/passwd", "assets/..%2f..%2f__init__.py"]
 )
 def test_nothing_else_is_readable(empty_address: str, path: str):
-    """Assert that paths lead to no file."""
+    """Assert that paths give access to no other file."""
     with pytest.raises(OSError, match="404"):
         urlopen(Request(f"{empty_address}{path}"), timeout=10)
 
@@ -145,7 +145,7 @@ def test_nothing_else_is_readable(empty_address: str, path: str):
 def test_a_log_is_named_from_where_the_studio_was_started(
     page: Page, start: Start, short_log: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    """Assert that a relative path leads to the log, for the windows after the first as well."""
+    """Assert that a relative path leads to the log, also in later windows."""
     monkeypatch.chdir(short_log.parent.parent)
     with start(short_log.relative_to(Path.cwd())) as address:
         for _ in range(2):

@@ -1,4 +1,4 @@
-"""Play: what its sliders may stand at, its runs, and the room in a browser."""
+"""Play: limits of its sliders, its runs, and the room in a browser."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def test_it_begins_at_table_one():
-    """Assert that the loop of the first view is the paper's, and the drive ideal."""
+    """Assert that the first view has the paper's loop and an ideal drive."""
     paper = table1_loop((1, 2, 3))
     assert TABLE1.loop.parameters.tolist() == pytest.approx(paper.parameters.tolist())
     assert TABLE1.loop.start_estimates.tolist() == paper.start_estimates.tolist()
@@ -32,7 +32,7 @@ def test_it_begins_at_table_one():
 
 
 def test_an_address_says_all():
-    """Assert that a run and a pinned one are read from the same values."""
+    """Assert that a run and a pinned run are read from one address."""
     held = {"reading": "1,1,3", "k": "80", "sampled": "yes", "torque_limit": "500"}
     chosen = read_play({**held, "pin.amplitude": "0.5"})
     assert (chosen.reading, chosen.values["k"], chosen.sampled) == ("1,1,3", 80.0, True)
@@ -45,7 +45,7 @@ def test_an_address_says_all():
 
 @pytest.mark.parametrize("slider", SLIDERS, ids=lambda slider: slider.name)
 def test_ends_of_a_slider(slider):
-    """Assert that a slider's ends are taken, and nothing beyond them."""
+    """Assert that values at a slider's ends are accepted, and none beyond."""
     for value in (slider.lowest, slider.highest):
         assert read_play({slider.name: repr(float(value))}).values[slider.name] == value
     for text in (slider.highest * 1.01, slider.lowest - 0.01 * slider.highest, "nan", "inf", "x"):
@@ -54,12 +54,12 @@ def test_ends_of_a_slider(slider):
 
 
 def numbers(rows: tuple[tuple[str, str, str], ...], place: int) -> dict[str, float]:
-    """The first number of each row."""
+    """Return the first number of each row."""
     return {row[0]: float(row[place].split()[0]) for row in rows if row[place]}
 
 
 def test_the_readings_differ_as_the_reproduction_says():
-    """Assert that one reading tracks and learns slowly, the other the reverse: the misprint."""
+    """Assert that one reading tracks well and learns slowly, and the other the reverse."""
     found = play(read_play({"reading": "1,1,3"}), TABLE1)
     run, pinned = numbers(found.rows, 1), numbers(found.rows, 2)
     assert pinned["tracking error"] == pytest.approx(8.2e-4, rel=0.02)
@@ -70,7 +70,7 @@ def test_the_readings_differ_as_the_reproduction_says():
 
 
 def test_a_sampled_drive_is_played():
-    """Assert that noise and sampling are those of the sliders, and the run has the same figures."""
+    """Assert that noise and sampling follow the sliders, with the same figures."""
     slow = {"k": "5", "sampled": "yes", "sample_time": "0.001", "amplitude": "1", "frequency": "1"}
     quiet = play(read_play({**slow, "noise": "1e-7"}), None)
     noisy = play(read_play({**slow, "noise": "0.01"}), None)
@@ -81,7 +81,7 @@ def test_a_sampled_drive_is_played():
 
 
 def test_what_diverges_is_said(monkeypatch: pytest.MonkeyPatch):
-    """Assert that a loop that ends early is answered in a sentence, beside the pinned one."""
+    """Assert that a loop that stops early is reported in one sentence, with the pinned run."""
 
     def stopped(loop: ClosedLoop, *settings: Any) -> Run:
         if loop.controller.parameters["k"] > 60.0:
@@ -96,7 +96,7 @@ def test_what_diverges_is_said(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_a_run_that_would_take_long_is_given_up():
-    """Assert that what is too stiff is said after a bounded number of steps, with that number."""
+    """Assert that a run which is too stiff stops after a limited number of steps."""
     place = {"joint_stiffness": "356.284", "link_inertia": "0.479886", "motor_inertia": "1.90409"}
     place |= {"gravity_torque": "7.80828", "motor_viscous_friction": "0.994425", "k": "9.72432"}
     place |= {"c": "19.3159", "amplitude": "0.471841", "frequency": "6.3583", "reading": "1,1,3"}
@@ -105,7 +105,7 @@ def test_a_run_that_would_take_long_is_given_up():
 
 
 def test_the_tolerance_suffices_for_what_is_shown():
-    """Assert that the figures of a stiff place are those of a run to a tenth of the tolerance."""
+    """Assert that figures of a stiff loop agree with a run at smaller tolerances."""
     place = {"reading": "1,1,3", "k": "121", "c": "0.0385", "amplitude": "5.29"}
     choices = read_play(place)
     rows = numbers(play(choices, None).rows, 1)
@@ -116,7 +116,7 @@ def test_the_tolerance_suffices_for_what_is_shown():
 
 
 def test_where_the_true_value_is_zero_the_error_has_its_unit():
-    """Assert that nothing is divided by zero: no share, and no curve among the shares."""
+    """Assert that errors of a zero value have its unit, and no curve in per cent."""
     found = play(read_play({"gravity_torque": "0", "motor_viscous_friction": "0"}), None)
     rows = {label: run for label, run, _ in found.rows}
     shares = {label: text.endswith(" %") for label, text in rows.items() if "error of" in label}
@@ -128,13 +128,13 @@ def test_where_the_true_value_is_zero_the_error_has_its_unit():
 
 
 def cell(page: Page, column: int) -> str:
-    """The tracking error of this run, or of the pinned one."""
+    """Return the tracking error of this run, or of the pinned one."""
     return page.inner_text(f"#play-figures tbody tr:first-child td:nth-child({column + 1})")
 
 
 @pytest.mark.thorough
 def test_the_misprint_is_one_click_away(page: Page, empty_address: str):
-    """Assert that the other reading is a click, beside the first, and that a link repeats it."""
+    """Assert that the other reading is one click away, beside the first, and kept in the link."""
     watched = Watched(page)
     page.goto(empty_address)
     page.wait_for_selector("#file:enabled")
@@ -157,7 +157,7 @@ def test_the_misprint_is_one_click_away(page: Page, empty_address: str):
 
 @pytest.mark.thorough
 def test_a_slider_is_moved_pinned_and_put_back(page: Page, empty_address: str):
-    """Assert that keys move a slider, that what they give can be pinned, and Table I comes back."""
+    """Assert that keys move a slider, that the run can be pinned, and that a reset works."""
     page.goto(f"{empty_address}?room=play&pin=none")
     page.wait_for_selector("#play-figures table")
     assert cell(page, 2) == ""

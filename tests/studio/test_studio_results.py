@@ -1,4 +1,4 @@
-"""What a window keeps of what it found, and what it does not mix up."""
+"""Results of a window: files kept, replaced and removed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from flexid.studio.window import Offer, Rooms, Window
 
 
 class Here(Workers):
-    """Jobs that are done at once, in this process: those that take long leave a trace instead."""
+    """Workers that run jobs in this process at once; identification only leaves a trace."""
 
     def __init__(self) -> None:
         super().__init__(0)
@@ -27,7 +27,7 @@ class Here(Workers):
         self.exported: list[float] = []
 
     async def run(self, job: Callable[..., Any], *arguments: Any, folder: Path) -> Any:
-        """Do a job."""
+        """Run a job."""
         if job is jobs.identify:
             return await self._identify(Path(arguments[2]), folder / arguments[0])
         if job is jobs.export:
@@ -47,7 +47,7 @@ class Here(Workers):
         (into / jobs.REPORT).write_text(f"run {self.runs}")
         if self.hold is not None:
             await self.hold.wait()
-        return 1e-3  # s, the sample time
+        return 1e-3  # s, sample time
 
 
 @dataclass
@@ -67,16 +67,16 @@ class Opened:
         self.sent.append(message)
 
     async def ask(self, kind: str, values: object = None, target: object = None) -> None:
-        """Ask as the page does."""
+        """Send a request as the page does."""
         await self.rooms.handle({"kind": kind, "values": values, "target": target})
 
     async def idle(self) -> None:
-        """Wait until nothing is under way."""
+        """Wait until all work has ended."""
         while running := [task for task in self.window._tasks.values() if not task.done()]:
             await asyncio.gather(*running)
 
     def upload(self, name: str, header: str = "time,motor_position,link_position") -> Path:
-        """Send a log."""
+        """Upload a log."""
         path = self.window.folder / name
         rows = (f"{k / 1000},{sin(k / 20)},{1.1 * sin(k / 20)}\n" for k in range(400))
         path.write_text(f"{header}\n" + "".join(rows))
@@ -84,7 +84,7 @@ class Opened:
         return path
 
     async def identify(self, name: str) -> Path:
-        """Send a log, and have it identified."""
+        """Upload a log and identify it."""
         path = self.upload(name)
         await self.idle()
         await self.ask("run", {})
@@ -92,7 +92,7 @@ class Opened:
         return path
 
     def shown(self, place: str) -> str:
-        """What stands in a place of the page."""
+        """Return the content of a place on the page."""
         return [m["html"] for m in self.sent if m["kind"] == "show" and m["place"] == place][-1]
 
 
@@ -101,14 +101,14 @@ pytestmark = pytest.mark.anyio
 
 @pytest.fixture
 async def studio() -> AsyncIterator[Opened]:
-    """Return a window, which is closed after the test."""
+    """Return a window that is closed after the test."""
     found = Opened()
     yield found
     await found.window.close()
 
 
 async def test_a_result_replaces_another_with_its_exports(studio: Opened):
-    """Assert that after an export the next result is shown, and offers its own files alone."""
+    """Assert that the next result replaces an earlier one and its exports."""
     await studio.identify("a.csv")
     for target in ("mjcf", "c99"):
         await studio.ask("export", target=target)
@@ -124,7 +124,7 @@ async def test_a_result_replaces_another_with_its_exports(studio: Opened):
 
 
 async def test_a_cancelled_run_leaves_what_is_shown(studio: Opened):
-    """Assert that files and exports stay those of the result on the page."""
+    """Assert that files and exports stay those of the result on the page after a cancelled run."""
     await studio.identify("a.csv")
     studio.workers.hold = asyncio.Event()
     await studio.ask("run", {})
@@ -140,7 +140,7 @@ async def test_a_cancelled_run_leaves_what_is_shown(studio: Opened):
 
 
 async def test_a_bad_address_is_said_beside_the_log(studio: Opened, short_log: Path):
-    """Assert that reading the log of the command line does not take back what was said."""
+    """Assert that reading the command line's log does not remove the message of a bad address."""
     studio.window.offer = Offer(short_log, *[studio.workers] * 3)
     await studio.room.open({"model": "nonsense"})
     await studio.idle()
@@ -148,7 +148,7 @@ async def test_a_bad_address_is_said_beside_the_log(studio: Opened, short_log: P
 
 
 async def test_other_columns_do_not_change_what_was_found(studio: Opened):
-    """Assert that the log is checked again, and that what was found is exported as it was."""
+    """Assert that other columns are checked, and that exports still use the earlier result."""
     await studio.identify("a.csv")
     names = "time", "motor_position", "link_position"
     columns = {f"column.{name}": name for name in names}
@@ -162,7 +162,7 @@ async def test_other_columns_do_not_change_what_was_found(studio: Opened):
 
 
 async def test_a_log_that_is_sent_replaces_another(studio: Opened):
-    """Assert that a window keeps one log that was sent, and none of what was found in others."""
+    """Assert that a new upload replaces the earlier log and its results."""
     first = await studio.identify("a.csv")
     second = studio.upload("b.csv")
     await studio.idle()
@@ -172,7 +172,7 @@ async def test_a_log_that_is_sent_replaces_another(studio: Opened):
 
 
 async def test_the_log_of_the_command_line_is_kept(studio: Opened, short_log: Path):
-    """Assert that a log that is sent deletes nothing that is not the studio's."""
+    """Assert that an upload does not delete the log of the command line."""
     own = Offer(short_log, *[studio.workers] * 3)
     studio.window.offer = own
     await studio.room.open({})
@@ -182,7 +182,7 @@ async def test_the_log_of_the_command_line_is_kept(studio: Opened, short_log: Pa
 
 
 async def test_a_defect_is_shown_where_the_work_was(studio: Opened):
-    """Assert that an error that nobody foresaw is said in a sentence."""
+    """Assert that an unexpected error is shown in one sentence."""
 
     async def broken() -> None:
         raise KeyError("oh")
@@ -193,7 +193,7 @@ async def test_a_defect_is_shown_where_the_work_was(studio: Opened):
 
 
 async def test_a_window_is_closed_after_its_work():
-    """Assert that what ends late finds its folder, and that nothing is left of it."""
+    """Assert that late work still finds the folder, which is then removed."""
     window, found = Opened().window, []
 
     async def work() -> None:
@@ -213,7 +213,7 @@ async def test_a_window_is_closed_after_its_work():
 
 @pytest.mark.parametrize("values", [{"k": "bad"}, {}])
 async def test_play_goes_on_after_an_error(studio: Opened, values: dict[str, str]):
-    """Assert that the page, which waits for the end of each run, is answered where it fails."""
+    """Assert that a failed run is answered, as the page waits for each answer."""
 
     class Broken(Workers):
         async def run(self, *_: Any, **__: Any) -> Any:

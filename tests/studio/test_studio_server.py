@@ -1,4 +1,4 @@
-"""The studio's server: who is let in, which logs it takes, and what it serves."""
+"""The studio's server: access control, uploads, and security headers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Headers = dict[str, str]
 
 
 def answer(headers: Headers, *, method: str = "GET", kind: str = "http") -> tuple[int, Headers]:
-    """Status and headers of what a guard answers; 200 is what it guards, 1008 a closed socket."""
+    """Return a guard's status and headers; 200 is access, 1008 a closed socket."""
     sent: list[Any] = []
 
     async def app(_scope: Any, _receive: Any, send: Any) -> None:
@@ -48,17 +48,17 @@ def answer(headers: Headers, *, method: str = "GET", kind: str = "http") -> tupl
 
 OURS = {"Host": HERE, "Origin": f"http://{HERE}"}
 ASKED: tuple[tuple[Headers, dict[str, str], int], ...] = (
-    # The loopback is let in by its names alone, for any other may resolve to it
+    # The loopback is accepted by its own names only, since other names may resolve to it.
     *(({"Host": name}, {}, 200) for name in (HERE, "localhost:8765", "[::1]:8765")),
     *(({"Host": name}, {}, 403) for name in ("evil.example", "127.0.0.1.evil.example", "", "[")),
     *(({"Host": name}, {}, 403) for name in ("10.1.1.1", "localhost.evil.example")),
-    # No page of another origin can ask, be it by a socket
+    # Requests and sockets of other origins are refused.
     *(
         ({"Host": HERE, "Origin": origin}, {"kind": kind}, status)
         for origin in ("http://evil.example", "null", "http://127.0.0.1:9000")
         for kind, status in (("http", 403), ("websocket", 1008))
     ),
-    # Who changes something, or opens a socket, says where from: from us
+    # Changes and sockets need an origin, which must be the studio's.
     ({"Host": HERE}, {"method": "POST"}, 403),
     ({"Host": HERE}, {"kind": "websocket"}, 1008),
     (OURS, {"method": "POST"}, 200),
@@ -68,12 +68,12 @@ ASKED: tuple[tuple[Headers, dict[str, str], int], ...] = (
 
 @pytest.mark.parametrize(("headers", "how", "status"), ASKED)
 def test_who_is_let_in(headers: Headers, how: dict[str, str], status: int):
-    """Assert that a request is answered for who may ask, and refused for others."""
+    """Assert that requests of permitted origins are answered, and others refused."""
     assert answer(headers, **how)[0] == status
 
 
 def test_answers_keep_the_browser_in():
-    """Assert that a page runs the scripts of the studio alone, and stands in no frame."""
+    """Assert that a page can run the studio's scripts only, and cannot be framed."""
     policy = answer({"Host": HERE})[1]["content-security-policy"]
     assert "default-src 'none'" in policy
     assert "script-src 'self'; style-src 'self';" in policy
@@ -81,7 +81,7 @@ def test_answers_keep_the_browser_in():
 
 
 async def chunks(*parts: bytes) -> AsyncIterator[bytes]:
-    """Return what a browser sends."""
+    """Return the body that a browser sends."""
     for part in parts:
         yield part
 
@@ -101,13 +101,13 @@ async def chunks(*parts: bytes) -> AsyncIterator[bytes]:
     ],
 )
 def test_names_are_plain(name: str, safe: str):
-    """Assert that a name from outside leads nowhere and holds nothing but plain characters."""
+    """Assert that a name from outside has no path and plain characters only."""
     assert safe_name(name) == safe
 
 
 @pytest.mark.parametrize("name", ["", "passwd", "log.exe", "log.csv/", "log.html", ".csv.sh"])
 def test_other_kinds_are_refused(name: str):
-    """Assert that only logs are taken."""
+    """Assert that only logs are accepted."""
     with pytest.raises(UploadError, match="whose names end in"):
         safe_name(name)
 
@@ -116,7 +116,7 @@ def test_other_kinds_are_refused(name: str):
 def test_size_is_bounded(
     parts: tuple[bytes, ...], status: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    """Assert that too much, and nothing, is refused, and the log in use stays whole."""
+    """Assert that oversized and empty uploads are refused, and the log in use is kept."""
     monkeypatch.setattr(guard, "LARGEST_UPLOAD", 10)
     before = asyncio.run(save(chunks(b"time", b",q\n"), "a.csv", tmp_path))
     assert before == tmp_path / "a.csv"
@@ -128,7 +128,7 @@ def test_size_is_bounded(
 
 
 def test_without_the_package(flexid, monkeypatch: pytest.MonkeyPatch):
-    """Assert that the sentence names the extra."""
+    """Assert that a missing package is reported with its extra."""
     monkeypatch.setattr(studio, "find_spec", lambda _: None)
     outcome = flexid("studio", "--no-browser")
     assert outcome.status == 2
@@ -136,7 +136,7 @@ def test_without_the_package(flexid, monkeypatch: pytest.MonkeyPatch):
 
 
 def test_a_port_that_is_taken(flexid):
-    """Assert that another port is asked for."""
+    """Assert that an occupied port is refused with another one."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         outcome = flexid("studio", "--no-browser", "--port", port)

@@ -1,4 +1,4 @@
-"""Processes that work for windows, and many windows at once."""
+"""Worker processes of the studio, and many windows at once."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ def echo(text: str) -> tuple[str, str, int]:
 
 
 def sleep() -> None:
-    """Take very long, and say so in the folder."""
+    """Sleep very long, and leave a mark in the folder."""
     Path("asleep").touch()
     time.sleep(600)
 
 
 def fail() -> None:
-    """Find bad input."""
+    """Fail with bad input."""
     raise SettingError("port", "is none")
 
 
 def stumble() -> None:
-    """Have a defect."""
+    """Fail with a defect."""
     raise KeyError("oh")
 
 
@@ -45,7 +45,7 @@ pytestmark = pytest.mark.anyio
 
 
 async def test_a_job_is_done_in_its_folder(tmp_path: Path):
-    """Assert that a job's answer comes back, and one process does several."""
+    """Assert that a job's answer is returned, and that one process runs several jobs."""
     workers = Workers(1)
     first = await workers.run(echo, "a", folder=tmp_path)
     second = await workers.run(echo, "b", folder=tmp_path)
@@ -54,7 +54,7 @@ async def test_a_job_is_done_in_its_folder(tmp_path: Path):
 
 
 async def test_what_fails_is_said_and_work_goes_on(tmp_path: Path):
-    """Assert that neither bad input, nor a defect, nor the end of a process stops the others."""
+    """Assert that bad input, a defect, or the end of a process does not stop other jobs."""
     workers = Workers(1)
     for job, kind, words in (
         (fail, SettingError, "port"),
@@ -67,7 +67,7 @@ async def test_what_fails_is_said_and_work_goes_on(tmp_path: Path):
 
 
 async def test_a_cancelled_job_makes_room(tmp_path: Path):
-    """Assert that others wait, and that cancelling lets them in."""
+    """Assert that jobs wait for a free process, and that cancelling frees one."""
     workers = Workers(1)
     long = asyncio.create_task(workers.run(sleep, folder=tmp_path))
     while not (tmp_path / "asleep").exists():
@@ -83,7 +83,7 @@ async def test_a_cancelled_job_makes_room(tmp_path: Path):
 
 
 async def test_a_folder_that_is_gone_is_said(tmp_path: Path):
-    """Assert that a log's folder that was deleted ends neither the process nor the wait."""
+    """Assert that a deleted folder of a log ends neither the process nor the wait."""
     workers = Workers(1)
     with pytest.raises(JobError, match="folder of the log cannot be entered"):
         await workers.run(echo, "a", folder=tmp_path / "gone")
@@ -93,5 +93,5 @@ async def test_a_folder_that_is_gone_is_said(tmp_path: Path):
 @pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc")
 def test_twenty_windows_stay_within_two_gigabytes():
-    """Assert that twenty logs are checked, some identified, and others answered without waiting."""
+    """Assert that twenty logs are checked, and some identified, within two gigabytes."""
     assert load(20, 2).peak_memory < 2e9

@@ -20,7 +20,7 @@ JL_MAX, JR_MAX, KE_MIN = 1.4, 0.42, 60.0
 AMPLITUDE, OMEGA, K, C1, C2 = 3.0, 5.0, 50.0, 1.0, 1.0
 TRUE = np.array([MGL / JL, KE / JL, KE / JR, MU / JR])
 START = np.array([2.5, 50.0, 166.7, 0.167])
-# Relative tolerance of each reading; the second oscillates at 77 rad/s and is much slower.
+# Relative tolerance by reading; the second reading oscillates at 77 rad/s and is much slower.
 TOLERANCES = {(1, 2, 3): 1e-10, (1, 1, 3): 1e-8}
 
 Vector = NDArray[np.float64]
