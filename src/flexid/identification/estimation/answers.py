@@ -262,7 +262,7 @@ def _judged(found: Answer, fitted: Fitted, job: Job) -> Answer:
 def weak_spring(what: str, period: str, share: str, otherwise: str = "") -> Caution:
     """Return the warning about a spring that predicts too little of the deflection."""
     return Caution(
-        f"more moves {what} than the model describes: over {period} of the resonance, its spring "
+        f"effects outside the model move {what}: over {period} of the resonance, its spring "
         f"predicts {share} of the deflection; look for other axes, loads and backlash{otherwise}",
         Rank.MODEL,
     )

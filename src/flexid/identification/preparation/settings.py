@@ -33,9 +33,9 @@ _NAMES = dict.fromkeys([*PARAMETER_NAMES, *_COEFFICIENTS])
 _POSITIVE = POSITIVE | {"motor_inertia", "link_inertia", "inertia", "joint_stiffness"}
 
 _DESCRIPTIONS: dict[Kind, str] = {
-    "flexible": "the flexible joint, which two encoders show",
-    "link": "the link alone, which is all that a log shows without its input",
-    "rigid": "the rigid joint, which is all that one encoder shows",
+    "flexible": "the flexible joint (log with two encoders)",
+    "link": "the link alone (log without an input)",
+    "rigid": "the rigid joint (log with one encoder)",
 }
 
 Auto = Literal["auto"]
@@ -111,7 +111,7 @@ def check_for(joint: Joint, settings: Settings) -> None:
     """Raise `SettingError` for settings that the joint does not have."""
     what = _DESCRIPTIONS[joint.kind]
     if joint.type == "prismatic":
-        what += ", and which slides, so that gravity is a part of the offsets"
+        what += ", which slides, with gravity as a part of the offsets"
     terms = joint.terms
     chosen = () if settings.terms == "auto" else settings.terms
     for term in chosen:
