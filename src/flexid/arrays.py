@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 
 class _AsLists:
-    """Annotation by which pydantic validates lists of numbers as an array; imported only then."""
+    """Annotation by which pydantic reads lists of numbers as an array; pydantic is imported on use."""
 
     @staticmethod
     def __get_pydantic_core_schema__(_source: Any, _handler: Any) -> Any:

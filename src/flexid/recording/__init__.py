@@ -1,4 +1,4 @@
-"""Recordings: reading, units, checks, velocities."""
+"""Recordings of logs: reading, units, checks and velocities."""
 
 from flexid.recording.read import read_log
 from flexid.recording.recording import Log, Recording

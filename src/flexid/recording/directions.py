@@ -84,7 +84,7 @@ def _is_reversed_link(recording: Recording) -> bool:
 
 
 def are_opposed(recording: Recording) -> bool:
-    """Whether link and motor positions are proportional with opposite signs."""
+    """Whether link and motor positions are nearly opposite."""
     link, motor = recording.link_position, recording.motor_position
     if link is None or recording.clamped:
         return False

@@ -96,7 +96,7 @@ class _Line:
             cells = aligned
         if is_ended and len(cells) == width - 1:  # rows have a trailing separator
             cells.append("")
-        if len(cells) == width + 1 and cells[-1].casefold() in ("comment", ""):  # as of LabVIEW
+        if len(cells) == width + 1 and cells[-1].casefold() in ("comment", ""):  # LabVIEW's
             cells.pop()
         return replace(self, cells=tuple(cells))
 

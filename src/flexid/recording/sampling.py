@@ -187,7 +187,7 @@ def even_grid(logs: Sequence[Draft]) -> Grid:
 
 
 def _jitter(steps: FloatArray) -> float:
-    """Largest lateness of a time stamp over the step; it also shortens the next step."""
+    """Half of the largest relative deviation of a step, since two time stamps cause it."""
     return float(np.abs(steps / steps.mean() - 1.0).max()) / 2.0
 
 

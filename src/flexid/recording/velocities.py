@@ -21,7 +21,7 @@ LAGS = 10  # samples: lags at which a sampled resonance is correlated
 _CACHED = 64  # channels whose results are cached
 CHANCE = 6.0  # standard deviations: threshold of the tests for white noise
 _AT_REST = 8.0  # standard deviations of a position's noise: two of 1e5 samples differ by 6
-_FAINT = 0.05  # noise over a position's range, above which rest resembles a slow start
+_FAINT = 0.05  # threshold of rest over a position's range, above which a slow start resembles rest
 _REST_KEPT = 0.1  # rest kept at either end, over the motion: longer rest only adds noise
 
 
