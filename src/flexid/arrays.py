@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 
 class _AsLists:
-    """Annotation by which pydantic reads lists of numbers as an array; pydantic is imported on use."""
+    """Annotation by which pydantic, imported only on use, reads lists of numbers as an array."""
 
     @staticmethod
     def __get_pydantic_core_schema__(_source: Any, _handler: Any) -> Any:

@@ -70,11 +70,9 @@ def _warn_of_sign(log: Draft, name: str, why: str) -> Iterator[str]:
 
 
 def _is_reversed_link(recording: Recording) -> bool:
-    """Whether the link's encoder counts in the opposite direction.
-
-    Above the antiresonance the two sides do move in opposite directions, at resonance with the
-    same amplitude if their inertias are equal. Then the deflection as logged fits the mechanics.
-    """
+    """Whether the link's encoder counts in the opposite direction."""
+    # Above the antiresonance the two sides do move in opposite directions, at resonance with the
+    # same amplitude if their inertias are equal. Then the deflection as logged fits the mechanics.
     link = recording.link_position
     if link is None or recording.clamped or recording.link_from_deflection:
         return False
@@ -100,10 +98,7 @@ def _is_reversed_deflection(recording: Recording) -> bool:
 
 
 def _fits_turned(recording: Recording, turned_link: FloatArray, *, otherwise: bool = False) -> bool:
-    """Whether the deflection opposes the link's acceleration only, or better, with the turned link.
-
-    If it does so with neither sign, or cannot be tested, return `otherwise`.
-    """
+    """Whether the turned link fits the mechanics better; `otherwise` if neither sign fits."""
     smoothed = smoothing(recording)
     if smoothed is None:
         return otherwise
@@ -121,11 +116,9 @@ def _fits_turned(recording: Recording, turned_link: FloatArray, *, otherwise: bo
 
 
 def _is_reversed_input(recording: Recording) -> bool:
-    """Whether an input opposes the motor's acceleration, and its work on the drive is negative.
-
-    Each condition alone is possible. With one encoder, an elastic load may accelerate against an
-    input that does positive work. A load that is lowered returns work, but follows the input.
-    """
+    """Whether an input opposes the motor's acceleration, and its work on the drive is negative."""
+    # Each condition alone is possible. With one encoder, an elastic load may accelerate against an
+    # input that does positive work. A load that is lowered returns work, but follows the input.
     smoothed = smoothing(recording)
     if smoothed is None or recording.input is None or recording.clamped:
         return False

@@ -91,8 +91,8 @@ def _wrong_unit(recording: Recording) -> str:
 
     # A spring or a controller proportional to the angle must not be mistaken for gravity.
     as_read, as_spring = left(1.0, *others), left(1.0, *others, smoothed(sensed))
-    for factor, beside, words in _WRONG_UNITS:
-        if left(factor, *others) < _FITS_BETTER * (as_spring if beside else as_read):
+    for factor, with_spring, words in _WRONG_UNITS:
+        if left(factor, *others) < _FITS_BETTER * (as_spring if with_spring else as_read):
             return (
                 f"the angle moves by {np.ptp(sensed):.3g} rad as read, but gravity shows "
                 f"{words}: check the unit"
@@ -163,9 +163,10 @@ def scales_apart(recording: Recording) -> tuple[float, float]:
     mechanics = [*gravity, smoothed(link, 2), smoothed(link, 1), smoothed.sign(link)]
     deflection, moved = smoothed(link - motor), smoothed(motor)
     share, error = own_share(deflection, moved, mechanics)
-    left, beside = left_over(deflection, mechanics), left_over(deflection, [moved, *mechanics])
+    left = left_over(deflection, mechanics)
+    scaled = left_over(deflection, [moved, *mechanics])
     named = _SMALLEST < abs(share) < _LARGEST and abs(share) > _CERTAIN * error
-    return (share, error) if named and beside < _EXPLAINED * left else (0.0, 0.0)
+    return (share, error) if named and scaled < _EXPLAINED * left else (0.0, 0.0)
 
 
 @lru_cache(maxsize=1)  # several checks smooth the same recording

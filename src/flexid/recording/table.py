@@ -159,7 +159,7 @@ class Table:
         """Error for the first of some bad cells."""
         reason = _bad_cell(self.frame[name][bad[0]])
         if bad[1:] and reason.endswith("remove the row"):
-            reason += f", and {len(bad) - 1} more of the column that are no numbers"
+            reason += f", and {len(bad) - 1} more without a number in this column"
         return RecordingError(self.file, self.place(bad[0], name), reason)
 
     def _not_numeric(self, name: str, found: str) -> RecordingError:

@@ -160,11 +160,9 @@ def velocity(
 
 @lru_cache  # all channels of a log try the same windows
 def _polynomials(half: int, degree: int) -> tuple[FloatArray, FloatArray]:
-    """Matrices that fit Legendre polynomials to a window of 2 half + 1 samples, and their slopes.
-
-    The product of slopes and fit, shape (2 half + 1, 2 half + 1), is the smoothed derivative, of
-    which few rows are needed. SciPy computes the middle row, but its import takes half a second.
-    """
+    """Matrices that fit Legendre polynomials to a window of 2 half + 1 samples, and their slopes."""
+    # The product of slopes and fit, shape (2 half + 1, 2 half + 1), is the smoothed derivative, of
+    # which few rows are needed. SciPy computes the middle row, but its import takes half a second.
     offsets = np.arange(-half, half + 1) / half
     legendre = np.polynomial.legendre  # a well conditioned basis
     fit = np.asarray(np.linalg.pinv(legendre.legvander(offsets, degree)), dtype=np.float64)
@@ -252,10 +250,8 @@ def is_used(log: Draft, name: str, recordings: Sequence[Recording]) -> bool:
 
 
 def _window_means(recording: Recording, name: str) -> tuple[FloatArray, FloatArray] | None:
-    """Means of a velocity and of its position's derivative over windows, less their averages.
-
-    The windows are the shortest that the noise allows; None if it allows none.
-    """
+    """Window means of a velocity and of its position's slope, less their averages; or None."""
+    # The windows are the shortest that the noise allows.
     velocity = getattr(recording, name)
     position = getattr(recording, name.replace("velocity", "position"))
     least = _ACCURACY * (np.sqrt(2.0) * position_noise(position))
