@@ -160,7 +160,7 @@ def velocity(
 
 @lru_cache  # all channels of a log try the same windows
 def _polynomials(half: int, degree: int) -> tuple[FloatArray, FloatArray]:
-    """Matrices that fit Legendre polynomials to a window of 2 half + 1 samples, and their slopes."""
+    """Matrices that fit Legendre polynomials to 2 half + 1 samples, and give their slopes."""
     # The product of slopes and fit, shape (2 half + 1, 2 half + 1), is the smoothed derivative, of
     # which few rows are needed. SciPy computes the middle row, but its import takes half a second.
     offsets = np.arange(-half, half + 1) / half
