@@ -63,7 +63,7 @@ def fit_innovations(
         likelihood = _Likelihood.of(problem, point, directions)
         # Fit initial states and coefficients first: sizes would take their errors for noise.
         if turn:
-            sizes = likelihood.largest(sizes, bounds)
+            sizes = likelihood.maximise(sizes, bounds)
         seen = likelihood.with_sizes(sizes)
         if seen.motion is None:
             raise ConvergenceError(
@@ -202,9 +202,9 @@ class _Likelihood:
             return _Observed(WORST, None, equations.residuals, entropy)
         return _Observed(equations.cost + entropy, motion, equations.residuals, entropy)
 
-    def largest(self, sizes: Sizes, bounds: tuple[FloatArray, FloatArray]) -> Sizes:
+    def maximise(self, sizes: Sizes, bounds: tuple[FloatArray, FloatArray]) -> Sizes:
         """Maximise the likelihood over sizes, from given ones, with few runs of the motion."""
-        from scipy.optimize import minimize  # late: it takes a third of a second to import
+        from scipy.optimize import minimize  # imported here: it takes a third of a second
 
         n = len(sizes.sensors)
         best = self.with_sizes(sizes)

@@ -20,7 +20,7 @@ _INDEPENDENCE = 10.0  # smallest length of a block in time constants of the filt
 _SETTLED = 5.0  # time constants of the filter before an estimate may count as determined
 _BLOCKS_PER_MEMORY = 8.0  # so that 40 blocks reach back over five memories
 _VELOCITY_WINDOW = 0.25  # half window of the velocity estimate, in time constants of the filter
-_LONGEST_HALF_WINDOW = 25  # samples: the window moves with every sample, at that cost
+_LONGEST_HALF_WINDOW = 25  # samples; the cost of each step grows with the window
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class RecursiveLeastSquares(OnlineEstimator):
         """Return each estimate's standard deviation, shape (n_coefficients,); see `covariance`."""
         return np.sqrt(np.diag(self.covariance(state)[0]))
 
-    # Scores are summed over blocks that grow with the record: 20 to 40, or eight per memory.
+    # Scores are summed over blocks that grow with the log: 20 to 40 blocks, or eight per memory.
     def covariance(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the covariance, from the spread of the blocks' scores, and degrees of freedom."""
         at = self._sizes

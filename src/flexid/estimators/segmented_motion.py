@@ -30,7 +30,7 @@ _WEAK = 100.0  # information over the prior's, below which an initial velocity g
 _WEAK_OBSERVED = 1e-6  # the same ratio if an observer corrects the velocity from the start
 _LINEARISED = 40  # number of states over which a linearisation is averaged
 _NOT_ESTIMATED = -1
-RESTING = 2.0  # replaces a direction of motion
+RESTING = 2.0  # marks a resting row in place of a direction of motion
 
 By = Literal["everything", "states", "nothing"]
 """Variables of differentiation: unknowns and initial states, initial states alone, or none."""

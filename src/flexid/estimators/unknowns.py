@@ -252,7 +252,7 @@ def _active_bounds(fit: Fit, unknowns: Unknowns, bounds: Bounds) -> dict[str, fl
     lower, upper = np.array([own[name] or unbounded for name in fit.names], dtype=np.float64).T
     if np.all((fit.values >= lower) & (fit.values <= upper)):
         return {}
-    from scipy.optimize import lsq_linear  # late: it takes a third of a second to import
+    from scipy.optimize import lsq_linear  # imported here: it takes a third of a second
 
     scale = np.sqrt(np.diag(fit.information))
     scale = np.where(scale > 0.0, scale, 1.0)
