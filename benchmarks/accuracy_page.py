@@ -82,7 +82,7 @@ def render(results: Mapping[str, Any]) -> str:
         "",
         *table(_time),
         "",
-        *_beside_casadi(found),
+        *_against_casadi(found),
         *_command(results.get("command")),
         "### Effort",
         "",
@@ -132,7 +132,7 @@ def _time(runs: Sequence[Run]) -> str:
     return "/".join(f"{median(run[key] for run in timed):.2g}" for key in ("seconds", "processor"))
 
 
-def _beside_casadi(found: Mapping[str, Any]) -> list[str]:
+def _against_casadi(found: Mapping[str, Any]) -> list[str]:
     """Return the times that CasADi and flexid need for equal accuracy, with the same data."""
     runs = [_finished(found.get(key, {}).get("runs", [])) for key in ("flexid_10s", "casadi")]
     shared = sorted(runs[0].keys() & runs[1].keys())

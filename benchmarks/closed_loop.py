@@ -26,8 +26,8 @@ ACCURACY = 1e-5
 
 REFERENCE = Path("tests/simulation/reference/table_1.json")
 
-_LADDER = (1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
-_FINE = sized(_LADDER, _LADDER[:1])
+_TOLERANCES = (1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
+_FINE = sized(_TOLERANCES, _TOLERANCES[:1])
 _COARSE = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
 # flexid's default first; peers' runs in plain coordinates take minutes
 
@@ -107,9 +107,9 @@ def run(quick: bool) -> Outcome:
     ]
     comparisons += [Comparison(job(o.exponents), side[id(o)], side[id(peer)]) for o, peer in fast]
     comparisons += [
-        Comparison("gains (1,1,3) beside (1,2,3)", side[id(own_low)], side[id(own)], AtMost(10)),
+        Comparison("gains (1,1,3) against (1,2,3)", side[id(own_low)], side[id(own)], AtMost(10)),
         Comparison(
-            "30 001 samples of all signals beside the end alone",
+            "30 001 samples of all signals against final values only",
             Side("flexid, 1 kHz", full),
             side[id(own)],
         ),

@@ -202,7 +202,7 @@ def fuzz(target: Target, files: int, seconds: float, seed: int, folder: Path) ->
     return tally
 
 
-def _tell_death(target: Target, path: Path, died: str, tally: Tally) -> None:
+def _count_crash(target: Target, path: Path, died: str, tally: Tally) -> None:
     """Count the file that ended a process; it is a fault only if it ends flexid's process, too."""
     fault = tried(target, path, path.read_bytes()) if target.is_apart else died
     tally.read += fault == ""
@@ -250,7 +250,7 @@ def _in_processes(name: str, seconds: float, seed: int, keep: Path) -> Tally:
         else:
             tally.seconds += time.perf_counter() - begun
             for path in folder.glob("input.*"):
-                _tell_death(Targets(estimate.read_bytes())[name], path, died, tally)
+                _count_crash(Targets(estimate.read_bytes())[name], path, died, tally)
         seed += 1
     return tally
 

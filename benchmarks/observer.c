@@ -1,8 +1,8 @@
 /* Huang (2003), eqs. (2)-(3) for the flexible joint, sampled: the algorithm of
- * flexid.estimators.parametric_observer as an embedded engineer would write it by hand.
+ * flexid.paper.parametric_observer, written by hand as by an embedded engineer.
  *
- * Between two samples p' = G r (v' - r'p - k) is solved with the regressor of the middle of the
- * interval; exp(-s) is replaced by 1/(1 + s + s*s/2).
+ * Between two samples p' = G r (v' - r'p - k) is solved with the mean regressor of the interval;
+ * exp(-s) is replaced by 1/(1 + s + s*s/2).
  */
 #include <math.h>
 #include <stddef.h>
@@ -19,8 +19,8 @@ typedef struct {
     double link, motor;
 } innovation_t;
 
-/* n samples at the distance h, gains g[4], input gain beta1; the inputs run linearly between
- * samples. p: estimates at the start. Fills n estimates and n innovations. */
+/* n samples with sample time h, gains g[4], input gain beta1; inputs are linear between samples.
+ * p: initial estimates. Fills n estimates and n innovations. */
 void replay(const sample_t *restrict sample, size_t n, double h, double beta1,
             const double *restrict g, estimate_t p, estimate_t *restrict estimates,
             innovation_t *restrict innovations)

@@ -62,7 +62,7 @@ def measured(samples: tuple[int, ...], runs: int) -> Outcome:
             AtLeast(1.5),
         ),
         Comparison(
-            "prediction error, a sample of the longest record beside one of the shortest",
+            "prediction error, a sample of the longest record against one of the shortest",
             Side(f"{longest:,} samples, 2 threads".replace(",", " "), two[longest].per(longest)),
             Side(f"flexid, {shortest:,} samples".replace(",", " "), two[shortest].per(shortest)),
             AtMost(1.5),

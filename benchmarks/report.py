@@ -22,7 +22,7 @@ _PACKAGES = ("flexid", "numpy", "scipy", "numba", "casadi", "filterpy", "diffrax
 def show(outcomes: Sequence[Outcome]) -> None:
     """Print all comparisons as one table, with their descriptions."""
     comparisons = [c for outcome in outcomes for c in outcome.comparisons]
-    table = Table("", *HEADINGS, title="flexid beside other tools")
+    table = Table("", *HEADINGS, title="flexid against other tools")
     for number, comparison in enumerate(comparisons, start=1):
         table.add_row(str(number), *comparison.cells())
     console = Console(width=_WIDTH)

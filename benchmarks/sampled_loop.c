@@ -1,9 +1,9 @@
-/* A joint of Huang (2003), eq. (4), under PD control with gravity compensation, beside its observer:
- * the algorithm of flexid.simulation.sampled as an engineer would write it by hand.
+/* Joint of Huang (2003), eq. (4), with PD control, gravity compensation and observer: the algorithm
+ * of flexid.simulation.sampled, written by hand as by an engineer.
  *
- * Sensors have noise and resolution where asked for; the input is limited and held over the sample;
- * the plant moves by one classical Runge-Kutta step per sample; the observer is the one of observer.c,
- * with held inputs.
+ * Sensors may have noise and a resolution. The input is limited and constant over a sample. The plant
+ * takes one classical Runge-Kutta step per sample. The observer is that of observer.c, with constant
+ * inputs.
  */
 #include <math.h>
 #include <stddef.h>
@@ -62,9 +62,9 @@ static inline double quantised(double x, double resolution)
 }
 #endif
 
-/* n samples at the distance h from rest, true coefficients p, observer gains c1 and c2, estimates q
- * at the start. noise holds standard normal numbers, to be multiplied by the deviations of positions
- * and velocities, or is NULL. Fills n rows. */
+/* n samples with sample time h, starting at rest; true coefficients p, observer gains c1 and c2,
+ * initial estimates start. noise: standard normal numbers, scaled by the deviations position and
+ * velocity, or NULL. Fills n rows. */
 void run(size_t n, double h, const coefficients_t *p, double beta1, const law_t *law, double c1, double c2,
          const coefficients_t *start, const state_t *noise, double position, double velocity,
          double resolution, row_t *restrict rows)

@@ -64,7 +64,7 @@ def main() -> None:
                         held += low <= trial.truth[core] <= high
         half = f"{median(halves):.1%}" if halves else "–"
         lines.append((name, f"{len(halves)} of {count}", f"{held} of {len(halves)}", half))
-    print(*markdown(("log", "determined", "hold the truth", "half-width"), lines), sep="\n")
+    print(*markdown(("log", "determined", "contain the truth", "half-width"), lines), sep="\n")
 
 
 if __name__ == "__main__":

@@ -42,7 +42,7 @@ def watched(trial: Trial, terms: tuple[str, ...]) -> Session:
 def coverage(seeds: int, *, with_terms: bool) -> None:
     """Print, for each family, the share of intervals that contain the truth, and the health."""
     totals: defaultdict[str, list[int]] = defaultdict(lambda: [0, 0])
-    print("family | held | of | half width, % | error, % | health at the end | changes")
+    print("family | inside | of | half-width, % | error, % | health at the end | changes")
     for family in sized([*FAMILIES], ["basic"]):
         held, widths, errors, healths, changes = [], [], [], [], 0
         for seed in range(_FIRST_SEED, _FIRST_SEED + seeds):

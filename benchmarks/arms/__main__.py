@@ -56,7 +56,7 @@ def _summary(scores: Sequence[Score]) -> str:
         f"stiffnesses determined {len(known)} of {len(errors)}",
         f"error of these: median {100 * np.median(known):.3f} %, "
         f"largest {100 * known.max(initial=0.0):.3f} %",
-        f"determined intervals that hold the truth: {held} of {determined}, "
+        f"determined intervals that contain the truth: {held} of {determined}, "
         f"{100 * held / max(determined, 1):.1f} %",
         f"time: median {np.median([s.seconds for s in done]):.1f} s, longest "
         f"{max(s.seconds for s in done):.1f} s; of the processor at most "

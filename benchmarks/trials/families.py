@@ -257,9 +257,9 @@ def _spring_other(rng: Generator, draft: Draft) -> None:
 
 def _two_at_once(rng: Generator, draft: Draft) -> None:
     springs = _backlash, _spring_other  # mutually exclusive
-    beside = (_stribeck, _ripple, _eccentricity, springs[rng.integers(2)])
-    for place in rng.choice(len(beside), 2, replace=False):
-        beside[place](rng, draft)
+    extra = (_stribeck, _ripple, _eccentricity, springs[rng.integers(2)])
+    for place in rng.choice(len(extra), 2, replace=False):
+        extra[place](rng, draft)
 
 
 _SHORT = (6.0, 20.0)  # s, of a log

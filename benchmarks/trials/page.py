@@ -203,16 +203,16 @@ def _wrong(records: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def _wrong_cells(record: Mapping[str, Any], claim: Claim) -> list[str]:
     given = record.get("given", {}).get(claim.name)
-    beside = "–"
+    error_if_given = "–"
     if isinstance(given, list):
-        beside = _off(Claim("kept", claim.name, *given[:3], status="", truth=claim.truth))
+        error_if_given = _off(Claim("kept", claim.name, *given[:3], status="", truth=claim.truth))
     return [
         claim.name,
         f"{claim.truth:.5g}",
         f"{claim.value:.5g}",
         f"{claim.low:.5g} to {claim.high:.5g}",
         _off(claim),
-        beside,
+        error_if_given,
     ]
 
 

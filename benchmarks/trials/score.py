@@ -186,7 +186,7 @@ def score(records: Sequence[Record]) -> FamilyScore:
     removed = [claim for claim in every if claim.kind == "removed"]
     delays = [claim for claim in every if claim.kind == "delay"]
     missed, extra = _term_mistakes(found)
-    given, least, widths = _beside_given(found, of_logs)
+    given, least, widths = _against_given(found, of_logs)
     return FamilyScore(
         family=records[0]["family"],
         in_class=records[0]["in_class"],
@@ -199,13 +199,13 @@ def score(records: Sequence[Record]) -> FamilyScore:
         ),
         wrong=sum(any(claim.confidently_wrong for claim in of_log) for of_log in of_logs),
         coverage={
-            "all": _held(every),
-            "determined": _held(determined),
-            "core": _held(core),
-            "removed": _held(removed),
-            "delay": _held(delays),
+            "all": _containing(every),
+            "determined": _containing(determined),
+            "core": _containing(core),
+            "removed": _containing(removed),
+            "delay": _containing(delays),
         },
-        coverage_deviation=_deviation([_held(of_log) for of_log in of_logs]),
+        coverage_deviation=_deviation([_containing(of_log) for of_log in of_logs]),
         core_determined=Share(len(core), sum(len(core_names(record)) for record in records)),
         error=spread([claim.error for claim in core]),
         given_error=spread(given),
@@ -244,7 +244,7 @@ def _badness(of_family: FamilyScore) -> tuple[bool, float, float, float]:
     )
 
 
-def _held(some: Sequence[Claim]) -> Share:
+def _containing(some: Sequence[Claim]) -> Share:
     return Share(sum(claim.holds for claim in some), len(some))
 
 
@@ -258,7 +258,7 @@ def _deviation(of_logs: Sequence[Share]) -> float:
     return float((squares * len(of_logs) / (len(of_logs) - 1)) ** 0.5 / whole)
 
 
-def _beside_given(
+def _against_given(
     found: Sequence[Record], of_logs: Sequence[Sequence[Claim]]
 ) -> tuple[list[float], list[float], list[float]]:
     """Return core errors with the structure given and by least squares, and ratios of widths."""

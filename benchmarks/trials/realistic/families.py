@@ -25,7 +25,7 @@ def _log(rng: Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def _some(rng: Generator, share: float) -> bool:
+def _chance(rng: Generator, share: float) -> bool:
     return bool(rng.random() < share)
 
 
@@ -45,7 +45,7 @@ def _basic(
         joint_damping=2.0 * _log(rng, 0.003, 0.03) * resonance * reduced,
         motor_viscous=(link + motor) / _log(rng, 0.3, 3.0),
     )
-    if _some(rng, gravity):
+    if _chance(rng, gravity):
         pendulum = _log(rng, 1.0, max(min(8.0, 0.4 * resonance * np.sqrt(reduced / link)), 1.1))
         plant = plant._replace(gravity_torque=link * pendulum**2)
     motion = str(rng.choice(["multisine", "multisine", "binary", "square", "tracking", "moves"]))
@@ -57,9 +57,9 @@ def _basic(
         duration=sized(1.0, 0.3) * _log(rng, 10.0, 40.0),
         motion=motion,
         target=_log(rng, 0.3, 1.6),
-        dither=_log(rng, 0.15, 0.5) if _some(rng, 0.75) else 0.0,
+        dither=_log(rng, 0.15, 0.5) if _chance(rng, 0.75) else 0.0,
         highest=rng.uniform(0.8, 1.4),
-        held=_some(rng, 0.6),
+        held=_chance(rng, 0.6),
     )
 
 
@@ -127,9 +127,9 @@ def _voltage(rng: Generator, draft: Draft) -> None:
     draft.change(motor_viscous=draft.plant.motor_viscous * rng.uniform(0.1, 0.6))
     draft.volts = _log(rng, 1.5, 12.0)
     draft.sins |= {"back_emf": rate, "coil_lag": lag}
-    if _some(rng, 0.7):
+    if _chance(rng, 0.7):
         draft.sins["dead_zone"] = draft.shares["dead_zone"] = rng.uniform(0.005, 0.04)
-    if draft.motion not in ("binary", "square") and _some(rng, 0.5):
+    if draft.motion not in ("binary", "square") and _chance(rng, 0.5):
         draft.sins["saturation"] = draft.shares["saturation"] = rng.uniform(0.75, 0.95)
 
 
@@ -138,14 +138,14 @@ def _voltage_drive(rng: Generator) -> Draft:
     _voltage(rng, draft)
     _dry(rng, draft, 0.02, 0.12)
     for share, sin in ((0.5, _stribeck), (0.4, _warming)):
-        if _some(rng, share):
+        if _chance(rng, share):
             sin(rng, draft)
-    if _some(rng, 0.4):
+    if _chance(rng, 0.4):
         _ripple(rng, draft, float(rng.integers(6, 61)), 0.005, 0.03)
-    if _some(rng, 0.4):
+    if _chance(rng, 0.4):
         _pushes(rng, draft, 0.01, 0.03)
-    draft.motor = Sensor(rng.uniform(13.0, 16.0)) if _some(rng, 0.5) else _converter(rng, 10)
-    draft.link = Sensor(int(rng.integers(11, 14))) if _some(rng, 0.4) else _converter(rng, 8)
+    draft.motor = Sensor(rng.uniform(13.0, 16.0)) if _chance(rng, 0.5) else _converter(rng, 10)
+    draft.link = Sensor(int(rng.integers(11, 14))) if _chance(rng, 0.4) else _converter(rng, 8)
     return draft
 
 
@@ -160,9 +160,9 @@ def _strain_gauge_arm(rng: Generator) -> Draft:
     _dry(rng, draft, 0.02, 0.12)
     _second_mode(rng, draft)
     for share, sin in ((0.4, _stribeck), (0.3, _warming)):
-        if _some(rng, share):
+        if _chance(rng, share):
             sin(rng, draft)
-    if _some(rng, 0.4):
+    if _chance(rng, 0.4):
         _pushes(rng, draft, 0.01, 0.03)
     draft.has_gauge = True
     draft.gauge_scale = 1.0 + rng.uniform(-0.03, 0.03)
@@ -185,7 +185,7 @@ def _current_drive(rng: Generator) -> Draft:
     _stribeck(rng, draft)
     _warming(rng, draft)
     _ripple(rng, draft, float(rng.integers(6, 61)), 0.01, 0.04)
-    if _some(rng, 0.6):
+    if _chance(rng, 0.6):
         _cable(rng, draft)
     draft.motor = Sensor(int(rng.integers(13, 17)))
     draft.link = Sensor(int(rng.integers(12, 17)))
@@ -196,13 +196,13 @@ def _disturbed_arm(rng: Generator) -> Draft:
     draft = _basic(rng, (12.0, 60.0), (100, 200, 250, 500), 1.0)
     _pushes(rng, draft, 0.01, 0.06)
     _second_mode(rng, draft)
-    if _some(rng, 0.5):
+    if _chance(rng, 0.5):
         _dry(rng, draft, 0.03, 0.15)
         _stribeck(rng, draft)
-    if _some(rng, 0.4):
+    if _chance(rng, 0.4):
         _lag(rng, draft, 5e-4, 2e-3)
     draft.motor = Sensor(int(rng.integers(12, 16)))
-    draft.link = Sensor(int(rng.integers(12, 15))) if _some(rng, 0.6) else _converter(rng, 10)
+    draft.link = Sensor(int(rng.integers(12, 15))) if _chance(rng, 0.6) else _converter(rng, 10)
     return draft
 
 
@@ -223,7 +223,7 @@ def _harmonic_rig(rng: Generator) -> Draft:
     draft.change(**{name: size * getattr(draft.plant, name) for name in _TORQUES})
     _dry(rng, draft, 0.1, 0.3)
     _warming(rng, draft)
-    if _some(rng, 0.5):
+    if _chance(rng, 0.5):
         _stribeck(rng, draft)
     _ripple(rng, draft, 2.0 * float(rng.integers(50, 161)), 0.01, 0.03)
     _lag(rng, draft, 5e-4, 2e-3)
@@ -235,7 +235,7 @@ def _harmonic_rig(rng: Generator) -> Draft:
 
 def _poor_logger(rng: Generator) -> Draft:
     draft = _basic(rng, (8.0, 25.0), (50, 100, 200), 0.8)
-    if _some(rng, 0.6):
+    if _chance(rng, 0.6):
         draft.sins["dropped"] = draft.dropped = rng.uniform(0.005, 0.03)
     else:
         draft.sins["jitter"] = draft.jitter = rng.uniform(0.05, 0.25)
@@ -249,7 +249,7 @@ def _poor_logger(rng: Generator) -> Draft:
     )
     for place in rng.choice(len(others), int(rng.integers(1, 3)), replace=False):
         others[place]()
-    coarse = _some(rng, 0.5)
+    coarse = _chance(rng, 0.5)
     draft.motor = _converter(rng, 10) if coarse else Sensor(int(rng.integers(12, 16)))
     draft.link = _converter(rng, 10) if coarse else Sensor(int(rng.integers(12, 15)))
     return draft
