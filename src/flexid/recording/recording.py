@@ -358,7 +358,7 @@ class Log:
     columns : mapping of str to Origin
         How each channel was computed from the columns of the file, by the channel's name.
     rests : bool
-        Whether the motor stands still throughout, as one joint of an arm may.
+        Whether the motor rests throughout the log, as one joint of an arm may.
     turned : tuple of str
         Channels whose sign was changed, because the mechanics contradict it as logged.
     """
