@@ -41,12 +41,12 @@ def browser() -> Iterator[Browser]:
 
 
 class Watched:
-    """What a page asks of the network and complains of, from now on.
+    """Requests and error messages of a page.
 
     Parameters
     ----------
     page : Page
-        Before it is sent anywhere.
+        Page without an address yet.
     """
 
     def __init__(self, page: Page) -> None:

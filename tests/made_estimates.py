@@ -21,7 +21,7 @@ from flexid.stored_estimates.estimate_file import estimate_document
 TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 STIFFER = {**TRUE, "theta2": 1.1 * TRUE["theta2"], "alpha1": 1.1 * TRUE["alpha1"]}
 RELATIVE = 0.01
-"""Standard deviation of each coefficient over its value."""
+"""Relative standard error of each coefficient."""
 
 NOTHING = Delay(0.0, 0.0, (0.0, 0.0), "none")
 SETTINGS = {"model": "auto", "terms": "auto", "known": {}, "hold": "auto"}

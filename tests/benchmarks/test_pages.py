@@ -77,7 +77,7 @@ FOLDER = Path(__file__).parents[2] / "benchmarks"
 PARTS = {"batch", "long_log", "fuzz_guided", "smoke"}
 """Programs that a benchmark starts, and the smoke run itself."""
 PICTURES = {"studio_pictures"}
-"""What measures nothing."""
+"""Programs without a measurement."""
 
 
 def test_no_benchmark_is_left_out():

@@ -31,7 +31,7 @@ READ = [
 
 @pytest.mark.parametrize(("parse", "given", "expected"), READ)
 def test_what_is_read(parse, given, expected):
-    """Assert that what is typed becomes values by name."""
+    """Assert that typed assignments become values by name."""
     assert parse("--option", given) == expected
 
 

@@ -72,7 +72,7 @@ PARTS = {
     "a product": (X2 * sp.cos(X1) + X2 * (X1 + 1), 0, (1, 0), X2 * sp.cos(X1) + X1 * X2),
     "a bracket": ((X1 + X2) ** 2, X1**2, (0, 0), 2 * X1 * X2 + X2**2),
 }
-"""What is filtered as it stands, factors of velocities, and what needs a velocity, by hand."""
+"""Regressor; by hand its memoryless part, factors of velocities, and the remainder."""
 
 
 @pytest.mark.parametrize("case", PARTS)

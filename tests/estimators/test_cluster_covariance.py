@@ -114,7 +114,7 @@ def test_segments_may_be_taken_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch):
 
 @pytest.mark.parametrize(("shown", "factor"), [(0.19, 0.0), (0.21, (4.0 / 0.21) ** 0.5)])
 def test_what_the_blocks_hardly_show_is_not_shown(shown: float, factor: float):
-    """Assert that a share of variance below a twentieth is dropped, and above it kept."""
+    """Assert zero influences if blocks show below a twentieth of a variance, else full ones."""
     influences, squares, across = np.array([[1.0, -2.0]]), np.array([0.5]), np.array([0.1])
     inverse, gram = np.array([[4.0]]), np.array([[[0.05]]])
     found, freedom = unbiased(influences, inverse, np.array([shown]), squares, across, gram)
@@ -145,8 +145,8 @@ def test_coverage_on_the_noisy_joint():
 def test_rows_share_the_noise_of_the_positions():
     """Assert the correlation between rows, which share the noise of positions.
 
-    Over 40 seeds theta1 and beta1 correlate by about -0.8. Without it the interval of the gravity
-    torque would be 1.7 times too wide.
+    Over 40 seeds theta1 and beta1 correlate by about -0.8. As independent values they would give an
+    interval of the gravity torque that is 1.7 times too wide.
     """
     fits = [filtered_least_squares([joint_samples(seed)], JOINT) for seed in range(40)]
     pair = [fits[0].names.index(name) for name in ("theta1", "beta1")]

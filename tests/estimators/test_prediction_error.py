@@ -125,7 +125,7 @@ FREQUENCY = 9.0  # rad/s
 H = 0.01  # s: 0.09 rad per sample, which one step should resolve
 N = 2001
 BIAS = FREQUENCY**2 * (FREQUENCY * H) ** 4 / 60.0
-"""Of the stiffness in 1/s², with one step for each sample."""
+"""Bias of the stiffness in 1/s², with one step for each sample."""
 
 
 def deviation(noise: float) -> float:

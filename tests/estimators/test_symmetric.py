@@ -38,7 +38,7 @@ def test_eigenvalues_ascend_and_give_the_matrix_back():
 
 @pytest.mark.usefixtures("_divide_and_conquer")
 def test_a_pseudo_inverse_inverts_what_is_not_null():
-    """Assert that it is the inverse of a regular matrix, and of the same rank otherwise."""
+    """Assert the inverse of a regular matrix, and a pseudo-inverse of equal rank otherwise."""
     matrices = _covariances(2)
     inverses = pseudo_inverse(matrices, 1e-9)
     assert matrices @ inverses @ matrices == pytest.approx(matrices, abs=1e-9)

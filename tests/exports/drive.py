@@ -12,7 +12,7 @@ WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror",
 STRICT = ("-std=c99", *WARNINGS)
 
 PRECISIONS = {"double": "-UFLEXID_FLOAT", "float": "-DFLEXID_FLOAT"}
-"""The definition that makes each."""
+"""Compiler option of each precision."""
 
 LOG = Path("examples/flexible_joint.csv")
 
@@ -28,13 +28,13 @@ DRIVES = {
 """Options of an export, for every kind of estimator."""
 
 MAIN = "least squares, encoders"
-"""The one that belongs to the example log."""
+"""Name of the estimator for the example log."""
 
 CASES = [
     (MAIN, "double"),
     *(pytest.param(name, "float", marks=pytest.mark.thorough) for name in DRIVES),
 ]
-"""What is analysed: a double build differs in its type and six numbers."""
+"""Analysed builds; a double build differs in its type and six numbers."""
 
 
 def tool(name: str) -> str:

@@ -132,7 +132,7 @@ DEVIATIONS = {
     "misra-c2012-8.7": "flexid_drive.h's functions are called from elsewhere",
     "misra-c2012-20.10": "## gives literals the suffix of their type",
 }
-"""Rules of MISRA C:2012 that are not kept, each with its reason."""
+"""Rules of MISRA C:2012 that are violated, each with its reason."""
 
 
 @cases

@@ -30,7 +30,7 @@ TRUTH = {
     "gravity_torque": 5.0,
     "motor_viscous_friction": 0.2,
 }
-"""What acts in every log, by flexid's names in SI units; Table I of Huang (2003)."""
+"""Parameters of every log, by flexid's names in SI units; Table I of Huang (2003)."""
 
 COEFFICIENTS = {
     "theta1": 5.0,
@@ -101,7 +101,7 @@ def recording(
 
 
 PUSHED = {"theta2": 150.0, "alpha1": 250.0, "alpha2": 1.5, "beta1": 5 / 3}
-"""Coefficients of a drive that is disturbed; its resonance lies at 20 rad/s."""
+"""Coefficients of a disturbed drive with its resonance at 20 rad/s."""
 
 FINE_NOISE = 2e-5  # rad
 _INERTIA = 0.6  # kg m², inertia of the motor; the link has 1

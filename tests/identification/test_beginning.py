@@ -165,7 +165,7 @@ def test_a_delay_that_leads_out_of_the_data_is_no_start(by_length, ends, late, t
 
 
 def test_without_insisting_the_best_is_taken_however_bad(by_length):
-    """Assert that the first start's fit is taken if all starts fail."""
+    """Assert that without `insist` the first start's fit is taken if all starts fail."""
     found, tried = by_length({}, insist=False)
     assert (found, tried[-1]) == ([99.0], ("a", 0))
 

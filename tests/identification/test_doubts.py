@@ -197,7 +197,7 @@ def test_covariances_add():
 
 
 def quadratic(names, information, values, robust=1.0) -> Any:
-    """Return a stand-in for a fit: quadratic form, and robust over white-noise deviations."""
+    """Return a stand-in for a fit; `robust` is the ratio of robust to white-noise deviations."""
     unit = np.sqrt(np.diag(np.linalg.pinv(information)))
     return SimpleNamespace(
         names=tuple(names),

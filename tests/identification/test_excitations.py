@@ -115,7 +115,7 @@ def test_torques_that_all_but_cancel_say_what_they_leave(light):
 
 
 def noisy_sine(noise: np.ndarray) -> RowFit:
-    """Return the sums of a link's row on a noisy sine, with a deflection of 3 % of it."""
+    """Return the sums of a link's row on a noisy sine, with a deflection of 3 %."""
     sine = np.sin(0.01 * np.arange(4000))
     link, deflection = sine + noise[0], 0.03 * sine + noise[1]
     row = row_of({"theta1": link, "theta2": deflection}, sine)

@@ -269,7 +269,7 @@ def test_other_data_are_asked_again():
 def test_report_and_rivals_take_the_same_steps(
     refined: bool, monkeypatch: pytest.MonkeyPatch, fits_seen: list[FinalFits]
 ):
-    """Assert that the final fit has the chosen fit's steps or finer, and all fits the same."""
+    """Assert that the final fit has the chosen fit's steps or finer, and the full fit the same."""
     times = []
 
     def watched(structure, data, *rest):

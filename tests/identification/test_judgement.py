@@ -82,7 +82,7 @@ UNKNOWNS, DAMPED = (
 VALUES = {"theta1": 5.0, "theta2": 100.0, "alpha1": 300.0, "alpha2": 0.7, "beta1": 0.3}
 LINK, MOTOR = {"theta1", "theta2"}, {"alpha1", "alpha2", "beta1"}
 HALF = 0.005 * float(t.ppf(0.975, 50.0))
-"""Half the interval of a value that is known to 0.5 %, over the value."""
+"""Relative half width of an interval with a standard error of 0.5 %."""
 
 Judged = tuple[dict[str, ValueEstimate], dict[str, ValueEstimate]]
 

@@ -17,7 +17,7 @@ TRUTH = {
     "joint_damping": (30.0, "N s/m"),
     "link_offset_torque": (-20.0, "N"),
 }
-"""A table on a belt, on a slope."""
+"""A table driven by a belt on a slope."""
 
 TERMS = ("motor_viscous", "joint_damping", "link_offset")
 STEP = 1e-3  # s

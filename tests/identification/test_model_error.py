@@ -30,7 +30,7 @@ def fitted(seed: int, **more: Any) -> tuple[Fitted, ModelError]:
 
 
 def misses(found: Fitted, estimate: Any) -> np.ndarray:
-    """Return errors over half widths of the 95 % intervals; above 1 the interval is wrong."""
+    """Return errors over half widths of 95 % intervals; above 1 an interval misses the truth."""
     return np.abs(found.values - TRUTH) / half_widths(estimate)
 
 
@@ -160,7 +160,7 @@ def made_up(*names: str, excess: float = 1.0) -> Any:
 
 
 def test_a_stand_in_is_as_doubtful_as_it_bends_the_others():
-    """Assert that a cubic term in place of a gap widens other values by their change without it."""
+    """Assert that a cubic term in place of a gap widens other values by its influence."""
     wider, log = structure(*PAPER_TERMS, "cubic_stiffness"), data(made(3, 10.0, half_gap=1e-3))
     found, lengths_fitted = fit_to(wider, log, COEFFICIENTS, 1.0)
     error = model_error(found, lengths_fitted, THRESHOLDS)

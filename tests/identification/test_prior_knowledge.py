@@ -262,7 +262,7 @@ def test_coverage_with_an_estimated_covariance(std):
     ],
 )
 def test_a_contradiction_spans_both(apart, limit, said):
-    """Assert that beyond the limit the combined interval reaches from the prior to the log's value.
+    """Assert that beyond the limit a standard error equal to the shift from the log is added.
 
     2 ± 0.4 from the log and 0.3 known: together 0.5 for the difference, and 0.24 for the joined
     value, which lies 0.64 of the difference from the log.

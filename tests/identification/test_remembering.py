@@ -79,7 +79,7 @@ def test_what_is_left_shows_it_beside_all_terms(monkeypatch, short, floor):
     [
         (9.0, 1.0, made_fit(1.5), made_fit(1.0), True),
         (9.0, 1.0, made_fit(1.5), None, False),  # the motion diverges
-        # The excess of short segments is not counted as explained by hysteresis.
+        # Hysteresis need not explain the excess of short segments.
         (1.28, 1.0, made_fit(1.12), made_fit(1.12), False),
         (1.28, 1.1, made_fit(1.12), made_fit(1.12), True),
         # A negative size would drive the motion.

@@ -29,7 +29,7 @@ STIFF = {
     "motor_coulomb_up": 13.7,
     "motor_coulomb_down": 13.7,
 }
-"""A harmonic drive, whose motor sticks for much of the time under the tones' torque."""
+"""A harmonic drive whose motor often sticks under the tones' torque."""
 
 
 def posed_of(

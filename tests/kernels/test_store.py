@@ -276,7 +276,7 @@ KERNELS = [
     ("state_variable_filter", "signals", JOINT.smooth),
     ("state_variable_filter", "signals", STIFF.smooth),
 ]
-"""Of what `flexid identify` has to compile for a usual drive: module, function, model."""
+"""Kernels that `flexid identify` needs for a usual drive: module, function, model."""
 
 
 @pytest.fixture

@@ -45,7 +45,7 @@ def test_the_covariance_is_that_of_all_values(estimate):
 
 
 def test_what_the_log_leaves_free_has_an_infinite_variance(estimate):
-    """Assert that an infinite variance has no covariances, also for a constant not fitted."""
+    """Assert infinite variances of a free coefficient, its parameter and a fixed constant alone."""
     lost = estimate.result.fit.without_knowledge_of({"theta1"})
     held = replace(estimate.parameters["joint_stiffness"], name="bend", std=np.inf, slopes={})
     parameters = {**estimate.parameters, "bend": held}

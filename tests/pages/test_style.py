@@ -18,7 +18,7 @@ DIALECT = re.compile(
     r"|as far as|deserves?|feign\w*|next to none|of no account|in the midst|(hold|held) anewst)\b",
     re.IGNORECASE,
 )
-"""What first editions wrote in place of a standard term."""
+"""Words that must be replaced by standard terms."""
 
 PROSE_PAGES = (*PAGES, ROOT / "CHANGELOG.md", ROOT / "SECURITY.md")
 

@@ -81,5 +81,5 @@ def test_condition_number_grows_with_the_fourth_power_of_a_small_amplitude() -> 
 
 @pytest.mark.parametrize("amplitude", [0.01, 0.1, 1.0])
 def test_a_second_tone_separates_the_coefficients_at_any_amplitude(amplitude: float) -> None:
-    """Assert that a tone of a fifth of the amplitude, 2.65 times the frequency, lowers it to 5."""
+    """Assert that a tone of a fifth of the amplitude, 2.65 times the frequency, gives 5."""
     assert condition_number(amplitude, second_tone=0.2) == pytest.approx(5.0, rel=0.05)

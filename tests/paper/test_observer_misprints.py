@@ -20,7 +20,7 @@ phi = sp.Matrix([x1 - x3, -x4])
 states = (x1, x2, x3, x4)
 rates = (x2, theta.dot(f), x4, alpha.dot(phi) + beta1 * u)
 
-# Eq. (5): what is added to y and z.
+# Eq. (5): terms added to y and z.
 link_immersion = sp.Matrix([-c1 * x2 * sp.sin(x1), -c1 * (x1 - x3) * x2])
 motor_immersion = sp.Matrix([c2 * (x1 - x3) * x4, -c2 * x4**2 / 2])
 

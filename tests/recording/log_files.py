@@ -85,14 +85,14 @@ WRITERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "MCAP, LZ4": ("a.mcap", lambda p: mcap(p, measured(), "LZ4")),
     "MCAP, ZSTD": ("a.mcap", lambda p: mcap(p, measured(), "ZSTD")),
 }
-"""By format, the name of a file, and what writes the log into it."""
+"""Name of a file and function that writes the log, by format."""
 TORQUE: dict[str, object] = {"motor_torque": "/tau.data"}
 FIELDS = {f"{side}_position": f"/drive.joints[0].{side}_position" for side in ("motor", "link")}
 MAPS: dict[str, dict[str, object]] = {
     "NumPy, matrix": {name: f"log[:,{place}]" for place, name in enumerate(COLUMNS)},
     **{f"MCAP, {packed}": FIELDS | TORQUE for packed in ("NONE", "LZ4", "ZSTD")},
 }
-"""The column maps by which some are read."""
+"""Column maps for the formats that need one."""
 
 
 def log_file(folder: Path, form: str) -> Path:

@@ -9,7 +9,7 @@ STEP = 0.01
 
 
 def motion(noise: float, seed: int = 1, rate: float = 100.0) -> np.ndarray:
-    """Positions of a link and a motor that swing, shape (2, 3000), in rad."""
+    """Return positions of a swinging link and motor, shape (2, 3000), in rad."""
     rng = np.random.default_rng(seed)
     time = np.arange(3000) / rate
     motor = 0.8 * np.sin(3.0 * time) + 0.3 * np.sin(7.1 * time + 1.0)

@@ -47,7 +47,7 @@ def test_inputs_do_not_overshoot():
 
 
 def test_a_fast_input_acts_by_its_mean():
-    """Assert that the impulse of a noisy torque is kept, unlike by every tenth sample."""
+    """Assert that the impulse of a noisy torque is kept; every tenth sample would lose it."""
     fast = 0.001 * np.arange(1000.0)
     noise = np.random.default_rng(4).normal(size=len(fast))
     impulse = 0.001 * np.cumsum(noise)

@@ -134,7 +134,7 @@ def test_late_stamps_of_even_samples_move_none(kind: str, steps: float) -> None:
 
 
 def test_samples_lost_at_random_are_interpolated() -> None:
-    """Assert that a log without a quarter of its samples is complete except for longest gaps."""
+    """Assert that a log without a quarter of its samples is complete but for the longest gaps."""
     kept = np.sort(np.random.default_rng(9).choice(2000, 1500, replace=False))
     columns = {name: values[kept] for name, values in jittered(0.0).items()}
     log = read_columns(columns)

@@ -143,7 +143,7 @@ def test_rest_before_and_after_a_motion(
 
 
 def test_a_faint_motion_is_taken_whole() -> None:
-    """Assert that the slow start of a motion in noise is kept."""
+    """Assert that the slow start of a motion is kept in strong noise."""
     slow = POSITION * np.linspace(0.0, 1.0, 5000) ** 3
     noise = np.random.default_rng(3).standard_normal(5000)
     assert while_moving([slow + 1e-3 * noise]).start > 100

@@ -158,7 +158,7 @@ def test_a_figure_of_a_page_has_its_words_colours_and_no_style():
 
 
 def test_autocorrelation_of_an_alternation():
-    """Assert that it alternates with the lag, and that a constant has 1 at lag 0."""
+    """Assert that the autocorrelation alternates with the lag; a constant has 1 at lag 0."""
     np.testing.assert_allclose(
         autocorrelation(np.array([1.0, -1.0, 1.0, -1.0])), [1, -0.75, 0.5, -0.25]
     )

@@ -25,7 +25,7 @@ TERMS = ("gravity", "motor_viscous")
 SYSTEM = flexible_joint(TERMS)
 OPTIONS = WatchOptions(H, TERMS, hold="linear")
 CHOSEN = {"terms": TERMS, "hold": "linear", "sample_time": H}
-"""What makes these options of a stream whose columns say the rest."""
+"""Settings that give these options; the stream's columns determine the rest."""
 
 TIME, LINK, MOTOR, TORQUE = 0, 1, 2, 3  # columns of a sample
 

@@ -30,7 +30,7 @@ from flexid.streaming.options import WatchOptions
 from flexid.streaming.session import Session
 
 CLOSE = 0.004
-"""Errors of eight seconds at 0.1 mrad, at most; without faults they are five times as small."""
+"""Maximum error after eight seconds with 0.1 mrad of noise; without faults it is a fifth."""
 
 
 Change = tuple[Any, Any, float]  # rows, columns, and the added value

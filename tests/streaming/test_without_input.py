@@ -31,7 +31,7 @@ LINK_TRUTH = {name: TRUTH[name] for name in ("theta1", "theta2")}
 
 
 def motion(duration: float = 8.0, seed: int = 1) -> np.ndarray:
-    """Samples without the torque."""
+    """Return samples without the torque."""
     return stream(duration, seed)[:, [TIME, LINK, MOTOR]]
 
 

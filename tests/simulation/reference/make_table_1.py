@@ -1,4 +1,4 @@
-"""Make table_1.json: the closed loop of Huang (2003), Table I, by SciPy's Radau at tight tolerance.
+"""Make table_1.json: the closed loop of Huang (2003), Table I, by SciPy's Radau, tight tolerance.
 
 Written by hand from the paper and independent of the library: error coordinates e1 = x1 - qd,
 e2 = x2 - qd' + k e1, e3 = x3 - w1, e4 = x4 - w2 and the estimation errors. Takes minutes.
