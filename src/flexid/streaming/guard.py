@@ -15,7 +15,7 @@ GATE = 8.0  # least second difference of an outlier, over the mean of the encode
 PEAKS = 2.0  # over their peak within a minute: a torque step makes a step of acceleration
 STILL_TIME = 0.1  # s for which an encoder may stand still while the other one moves
 DEAD_TIME = 5.0  # s for one that has moved less than the other: static friction may hold it
-TWISTED = 3.0  # ranges of the deflection so far: a limit of the other's motion besides `MOVED`
+TWISTED = 3.0  # ranges of the deflection, by which the other may move if `MOVED` allows more
 
 
 _WORDS = {
