@@ -76,8 +76,8 @@ def excitation(
 ) -> LogExcitation:
     """Assess what a log determines, and what its motion lacks.
 
-    The log is identified as by flexid identify, with the same options and results. For each
-    coefficient, the unknown that correlates most with it is added; then advice for the next motion.
+    The log is identified as by flexid identify, with the same options and results. The report adds
+    the unknown that correlates most with each coefficient, and advice for the next motion.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def design(
 ) -> ExperimentDesign:
     """Design a motion that determines the parameters.
 
-    The motion respects the drive's limits, also if its parameters are wrong by 30 %.
+    The motion respects the drive's limits, even if the assumed parameters are wrong by 30 %.
 
     Parameters
     ----------

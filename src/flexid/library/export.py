@@ -156,7 +156,7 @@ def export(
     memory : float, optional
         Seconds after which a sample counts 1/e as much, or inf; by default 60.
     log : log, optional
-        Motion for the test vector. As `flexid.read_log` takes it.
+        Log whose motion is used for the test vector. As `flexid.read_log` takes it.
     columns : path or mapping, optional
         A column map for the log. As `flexid.identify` takes it.
     terms : iterable of str, optional
