@@ -1,4 +1,4 @@
-/* What Frama-C's Eva analyses: any bytes in the state, any bytes in the samples, every call. */
+/* Program for Frama-C's Eva: every call, with arbitrary bytes in the state and the samples. */
 #include "__fc_builtin.h"
 #include "flexid_drive.h"
 

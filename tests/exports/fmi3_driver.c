@@ -1,4 +1,4 @@
-/* An importer that gives an FMU absurd inputs and steps, and counts what it takes. */
+/* An importer that gives an FMU extreme inputs and steps, and counts the accepted steps. */
 #include "fmi3.c"
 #include <stdio.h>
 

@@ -1,4 +1,4 @@
-/* Arbitrary bytes as samples, gaps and power cycles: no crash, and no estimate that is no number. */
+/* Arbitrary bytes as samples, gaps and power cycles: no crash, and finite estimates. */
 #include "flexid_drive.h"
 
 #include <stddef.h>
@@ -33,7 +33,7 @@ static void check(const flexid_state *state, flexid_health health)
     }
 }
 
-/* One of these instead of a sample now and then: samples missing, or the power. */
+/* Before a sample: missing samples, a power cycle, a damaged state, or nothing. */
 static void disturb(flexid_state *state, unsigned char what)
 {
     if (what == 0xFFU) {
@@ -59,7 +59,7 @@ int LLVMFuzzerTestOneInput(const unsigned char *data, size_t size)
         memcpy(&sample, &data[1], sizeof sample);
         data += 1U + sizeof sample;
         size -= 1U + sizeof sample;
-        /* The same sample some times, so that a sequence of them lasts longer than the filter. */
+        /* Each sample is repeated, so that a sequence outlasts the filter's memory. */
         for (unsigned n = 0U; n < 5U; ++n) {
             check(&state, flexid_step(&state, &sample));
         }

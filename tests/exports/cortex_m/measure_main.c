@@ -1,7 +1,7 @@
 /* Counts instructions and stack of a step on QEMU's mps2-an386.
  *
- * Under "-icount shift=10" an instruction takes 1024 ns of the virtual clock, of which SysTick, at
- * 25 MHz, counts 25.6 ticks. Prints: steps, mean and largest count, bytes of stack.
+ * Under "-icount shift=10" an instruction takes 1024 ns of the virtual clock, which are 25.6 ticks
+ * of SysTick at 25 MHz. Prints: steps, mean and largest count, bytes of stack.
  */
 #include <stdint.h>
 #include <stdio.h>
@@ -37,7 +37,7 @@ static uint32_t ticks_of(
     return (before - SYST_CVR) & 0xFFFFFFUL;
 }
 
-/* Bytes below this frame that a step writes to. */
+/* Bytes below this frame to which a step writes. */
 __attribute__((noinline)) static unsigned stack_of(const flexid_sample *sample)
 {
     volatile unsigned char *top;

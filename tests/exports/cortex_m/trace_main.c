@@ -1,4 +1,4 @@
-/* Every path of a step, for a trace: the beginning, a gap, faults, sums that overflow, standstill. */
+/* Every path of a step, for a trace: the beginning, a gap, faults, overflowing sums, rest. */
 #include <math.h>
 
 #include "flexid_drive.h"
