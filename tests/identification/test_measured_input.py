@@ -33,7 +33,7 @@ from flexid.identification.estimation.model_error import input_noise, lagged, wi
 from flexid.identification.full_model.amplifier import _is_crossed, shows_saturation
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Data, Fitted, Structure, data_of
-from flexid.identification.identify import identify
+from flexid.identification.identify import _is_likelier, identify
 from flexid.identification.preparation.joint import link
 from flexid.identification.preparation.recordings import IDEAL, Amplifier
 from flexid.identification.vocabulary.evidence import ModelError
@@ -341,3 +341,33 @@ def test_square_waves_cross_no_limit(limit: float, crossed: bool):
     waves: Any = [SimpleNamespace(inputs=np.full((50, 1), size)) for size in (0.75, -1.5)]
     waves[1].inputs[:1] = 1.8
     assert _is_crossed(cast(Any, SimpleNamespace(samples=waves)), Amplifier(limit=limit)) == crossed
+
+
+def answered(
+    excess: float, cost: float = np.nan, sample_time: float = 1e-3, retreat: str = ""
+) -> Any:
+    """An answer with disturbances if it has a cost, else an exact one."""
+    return SimpleNamespace(
+        disturbances=SimpleNamespace(sample_time=sample_time) if np.isfinite(cost) else None,
+        cost=cost,
+        fits=SimpleNamespace(reported=SimpleNamespace(excess=excess), retreat=retreat),
+    )
+
+
+@pytest.mark.parametrize(
+    ("other", "found", "likelier"),
+    [
+        (answered(5.0), answered(1.0, cost=10.0), True),  # the terms alone, against disturbances
+        (answered(1.0, cost=10.0), answered(5.0), False),
+        (answered(1.7), answered(2.0), True),  # exact fits: a tenth of the residuals
+        (answered(1.9), answered(2.0), False),
+        (answered(1.0, cost=80.0), answered(1.0, cost=100.0), True),  # disturbances: by 9
+        (answered(1.0, cost=95.0), answered(1.0, cost=100.0), False),
+        # of other data a likelihood says nothing
+        (answered(1.0, cost=0.0, sample_time=2e-3), answered(1.0, cost=100.0), False),
+        (answered(1.0, cost=0.0, retreat="shorter"), answered(1.0, cost=100.0), False),
+    ],
+)
+def test_an_input_is_taken_if_it_is_clearly_likelier(other: Any, found: Any, likelier: bool):
+    """Assert how two answers are compared: by kind, by residuals, by likelihoods of like data."""
+    assert _is_likelier(other, found) == likelier
