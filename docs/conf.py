@@ -38,7 +38,7 @@ html_css_files = ["style.css"]
 html_copy_source = False
 html_show_sphinx = False
 
-# What a console shows beside the commands is not copied.
+# The copy button leaves out prompts and output.
 copybutton_prompt_text = r">>> |\.\.\. |\$ "
 copybutton_prompt_is_regexp = True
 

@@ -1,16 +1,17 @@
 """Make `flexible_joint.csv`: the log of a flexible joint, simulated by MuJoCo.
 
-MuJoCo is an engine that flexid does not share a line with, so a log from it tests flexid against
-something other than itself. The scene is the joint of Huang (2003), eq. (4), with the values of
-its Table I: a pendulum on one hinge, a motor on a second hinge about the same axis, and between
-them a spring (a fixed tendon) that the difference of the two angles stretches. Nothing else acts:
-the scene has no geometry that could touch, no joint limit, and no damping but the motor's.
+MuJoCo shares no code with flexid, so its log is an independent test. The scene is the joint of
+Huang (2003), eq. (4), with the values of its Table I: a pendulum on one hinge, a motor on a second
+hinge about the same axis, and between them a spring (a fixed tendon) that the difference of the two
+angles stretches. Nothing else acts: the scene has no geometry that could touch, no joint limit, and
+no damping but the motor's.
 
 A torque of a few tones, computed at 1 kHz and held over each millisecond, moves the joint. Each row
-of the log is one such millisecond: what the two encoders read at its beginning, and the torque
-held from then until the next row.
+of the log is one such millisecond: the readings of both encoders at its beginning, and the torque
+until the next row.
 
-Run `python examples/make_flexible_joint_log.py` to write the log and its truth beside this file.
+Run `python examples/make_flexible_joint_log.py` to write the log and its true values to this
+folder.
 """
 
 # MuJoCo's compiled half has no type stubs, so pyright cannot see what it exports.
@@ -160,7 +161,7 @@ beta1 = {{ value = {1 / MOTOR_INERTIA!r}, unit = "rad/s^2/(N m)" }}
 
 
 def main() -> None:
-    """Write the log and its truth beside this file."""
+    """Write the log and its true values next to this file."""
     folder = Path(__file__).parent
     np.savetxt(
         folder / "flexible_joint.csv",

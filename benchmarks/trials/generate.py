@@ -206,7 +206,7 @@ def _draw_motion(rng: np.random.Generator, draft: Draft, sensors: Sensors) -> Mo
 def _sized(
     draft: Draft, sensors: Sensors, play: Play, size: Size, noise: Noise
 ) -> tuple[Play, Size, Drive] | None:
-    """Find the amplitude for the desired range of the link; return None if there is none."""
+    """Find the amplitude for the desired range of the link; return None if it is not found."""
     for turn in range(_PLAYS):
         drive = realised(draft, size)
         drive = drive._replace(  # Coulomb friction gives the same range without LuGre's short steps

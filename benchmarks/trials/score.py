@@ -114,7 +114,7 @@ class Share:
 
 @dataclass(frozen=True)
 class Spread:
-    """Median, 90th percentile and maximum of numbers; NaN if there are none."""
+    """Median, 90th percentile and maximum of numbers; NaN of no numbers."""
 
     middle: float
     high: float

@@ -95,7 +95,7 @@ def held_out(recording: Recording, terms: tuple[str, ...]) -> tuple[float, Float
 
 
 def trap_figure(recording: Recording, inertia: float, gravity: float) -> None:
-    """What the window of the differentiation makes of inertia and gravity torque."""
+    """Plot inertia and gravity torque over the window of the differentiation."""
     widths = np.arange(7, 302, 6)
     found = np.array([regressions(recording, int(width)) for width in widths])
     figure = new_figure(7.2, 3.0)

@@ -48,10 +48,7 @@ def link_aligned(recording: Recording) -> Recording:
 
 
 def regressed_delays(recording: Recording) -> tuple[float, float]:
-    """Delay in s for which a late encoder explains the deflection best.
-
-    Alone, and beside a spring that the torque, friction and gravity wind.
-    """
+    """Return the delays in s that explain the deflection best, without and with a spring."""
     recording = with_velocities(recording)
     speed, position = recording.motor_velocity, recording.motor_position
     assert speed is not None
@@ -65,7 +62,7 @@ def regressed_delays(recording: Recording) -> tuple[float, float]:
 
 
 def print_axis(label: str, recording: Recording, delays: tuple[float, float]) -> None:
-    """What the page quotes of the skew of one axis."""
+    """Print the delay of one axis that the page quotes."""
     before, after = (np.rad2deg(p.deflection.std()) for p in (recording, link_aligned(recording)))
     alone, beside = (1e3 * delay for delay in delays)
     print(
@@ -75,7 +72,7 @@ def print_axis(label: str, recording: Recording, delays: tuple[float, float]) ->
 
 
 def print_identified(found: Identification) -> None:
-    """What flexid says of one axis."""
+    """Print flexid's result for one axis."""
     stiffness, late = found.parameters["joint_stiffness"], found.choices.alignment.link_delay
     low, high = stiffness.interval
     residuals = ", ".join(f"{ratio:.3g}" for ratio in found.residual_excess.values())

@@ -191,7 +191,7 @@ def test_a_saved_state_is_taken_up(drive):
 
 @pytest.mark.parametrize(("place", "checked_after"), [(0, 0), (40, 0), (500, 0), (0, 1)])
 def test_another_state_is_refused(drive, place, checked_after):
-    """Assert that a flipped bit restarts the estimation; in the version, whatever the checksum."""
+    """Assert that a flipped bit restarts the estimation; in the version, with any checksum."""
     estimation = drive()
     estimation.feed(measured(motion(1.0)))
     checksum = estimation.checksum()

@@ -186,7 +186,7 @@ def test_one_encoder_gives_the_rigid_joint():
     ],
 )
 def test_what_the_log_contradicts_is_told(clean, given, words):
-    """Assert a warning of the contradiction, and no determined value beside an exact statement."""
+    """Assert a warning of the contradiction, and no determined value if an exact value is given."""
     found = identify([clean], replace(SETTINGS, **given))
     assert any(re.search(words, warning) for warning in found.warnings)
     if "known_deviations" not in given:

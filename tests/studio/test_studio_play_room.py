@@ -134,7 +134,7 @@ def cell(page: Page, column: int) -> str:
 
 @pytest.mark.thorough
 def test_the_misprint_is_one_click_away(page: Page, empty_address: str):
-    """Assert that the other reading is one click away, beside the first, and kept in the link."""
+    """Assert that the other reading is one click away, next to the first, and kept in the link."""
     watched = Watched(page)
     page.goto(empty_address)
     page.wait_for_selector("#file:enabled")

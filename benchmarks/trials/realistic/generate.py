@@ -105,7 +105,7 @@ def record(family: str, seed: int) -> Recorded:
 
 
 def _sized(draft: Draft, play: Play) -> tuple[Plant, Scale, FloatArray] | None:
-    """Find a run with the desired range of the motor; return None if there is none.
+    """Find a run with the desired range of the motor; return None if it is not found.
 
     Friction, disturbances and the converters' ranges depend on the size of the previous run.
     """

@@ -218,7 +218,7 @@ class Case:
             return dict.fromkeys(CHANNELS, np.inf)
 
     def rest(self) -> FloatArray:
-        """Return the equilibrium without torque, shape (4,), or zeros if there is none."""
+        """Return the equilibrium without torque, shape (4,), or zeros without one."""
         model, still = plain_model(self.system), np.zeros(len(self.system.inputs))
         constants = np.array(list(self.system.constants.values()), dtype=np.float64)
 

@@ -167,7 +167,7 @@ class Result:
     name: str  # column of the rows
     finite: int  # finished runs with a finite value
     missing: int  # finished runs without one, for example if they never settle
-    # of the finite values in SI units, at QUANTILES; NaN if there are none
+    # of the finite values in SI units, at QUANTILES; NaN without any
     quantiles: tuple[float, ...]
 
 

@@ -220,7 +220,7 @@ def _compiler() -> str | None:
 
 
 def _place(version: str) -> tuple[str, str] | None:
-    """Return the library's folder and suffix for this platform, or None if there are none."""
+    """Return the library's folder and suffix for this platform, or None without them."""
     system = _SYSTEMS.get(sys.platform)
     processor = _PROCESSORS.get(platform.machine().lower())
     if system is None or processor is None:

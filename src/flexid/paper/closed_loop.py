@@ -84,7 +84,7 @@ class Signals:
         return self._rates[signal]
 
     def _named(self, value: sp.Expr, name: sp.Symbol) -> sp.Expr:
-        """Return the signal with this value; add a new one if there is none."""
+        """Return the signal with this value; add a new one if necessary."""
         if sp.expand(value) == 0:
             return sp.S.Zero
         for signal, known in self._values.items():

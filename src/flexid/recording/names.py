@@ -95,7 +95,7 @@ def _letter(letter: str) -> str:
 
 
 def _parts(word: str) -> tuple[str, ...]:
-    """Words that a compound consists of; the word itself if it is none."""
+    """Words that a compound consists of; the word itself if it is no compound."""
     if word[:-1] in _WITH_SIDE and word[-1] in "ml" and word not in _KINDS:
         return word[:-1], word[-1]
     return (len(word) <= _LONGEST_WORD and _known_parts(word)) or (word,)
@@ -216,7 +216,7 @@ def common_words(headers: Iterable[str]) -> frozenset[str]:
 
 
 def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual | None:
-    """Channel that the words of a name and its unit indicate; None if there is none."""
+    """Channel that the words of a name and its unit indicate; None without one."""
     if unit is None and len(words.all) == 1 and len(words.all[0]) > _LONGEST_SYMBOL:  # as seconds
         named = unit_of_word(words.all[0])
         if named in _TIMES:

@@ -273,7 +273,7 @@ def warn_rounded(
 
 
 def _last_digit(time: FloatArray) -> float:
-    """Largest power of ten, in s, of which all times are multiples; zero if there is none."""
+    """Largest power of ten, in s, of which all times are multiples; zero without one."""
     for power in range(0, -7, -1):
         numbers = (time - time[0]) / 10.0**power
         if np.abs(numbers - np.rint(numbers)).max() < EVEN:

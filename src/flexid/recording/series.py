@@ -192,7 +192,7 @@ class ColumnOverview:
     """A column of a file, for an overview."""
 
     header: str  # as in the file
-    unit: str  # as stated in the name; empty if there is none
+    unit: str  # as stated in the name; empty without one
     kind: str  # type and length of a signal; empty for a column of a table
     cells: tuple[str, ...]  # its first values
 

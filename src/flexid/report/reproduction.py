@@ -130,7 +130,7 @@ def _claims(claims: tuple[Claim, ...]) -> Table:
 
 SYMBOLS = {"theta1": "θ₁", "theta2": "θ₂", "alpha1": "α₁", "alpha2": "α₂"}
 NOISE = 1e-3 * TOLERANCE
-"""The integrator's absolute tolerance: smaller parameter errors cannot be told from zero."""
+"""The integrator's absolute tolerance: smaller parameter errors count as zero."""
 
 _OF_READINGS: Mapping[str, Colour] = {"1,2,3": "blue", "1,1,3": "orange"}
 

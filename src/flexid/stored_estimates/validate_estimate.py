@@ -244,7 +244,7 @@ def validate_arm(
 
 
 def _long_enough(logs: Sequence[ArmLog]) -> list[Samples]:
-    """Return the recordings that are long enough for a prediction; raise if there are none."""
+    """Return the recordings that are long enough for a prediction; raise without any."""
     every = [own for log in logs for own in log.recordings]
     found = [own for own in every if len(own) >= round(HEAD / own.sample_time) + FEWEST_SAMPLES]
     if not found:

@@ -72,7 +72,7 @@ class Guarded(NamedTuple):
     state: FloatArray  # the guard's state after these samples
     judged: int  # samples checked: all, or up to the first that shows a newly stuck encoder
     rows: FloatArray  # (m, n_positions + n_inputs): usable samples; NaN where samples are missing
-    stuck_for: int  # samples for which that encoder has stood still; 0 if there is none
+    stuck_for: int  # samples for which that encoder has stood still; 0 without one
 
 
 class Guard:

@@ -104,7 +104,7 @@ def fit_disturbed(
             with_play = False
             structure = replace(structure, timing=_with_link_delay(structure.timing, skewed.delay))
             factor = thinning(data, _start(structure, data))
-    # A low-passed input has no steps, so hold and delay cannot be told apart.
+    # A low-passed input has no steps, so hold and delay are indistinguishable.
     tried = [structure.with_hold(hold) for hold in (holds if factor == 1 else holds[:1])]
     full = _likeliest(tried, data, factor)
     if max(_shares(full.fitted, full.sizes).values()) > _WRONG_MINIMUM:
@@ -236,7 +236,7 @@ def _stiffer(values: Mapping[str, float], link: Mapping[str, float]) -> dict[str
 
 
 def _as_wide_as_its_gap(fit: FitInBand, data: Data, factor: int) -> FitInBand:
-    """Return the fit with the width of its play equal to its gap, as far as it converges."""
+    """Return the fit with the width of its play equal to its gap, or the last that converged."""
     trail: list[tuple[float, float]] = []
     with suppress(ConvergenceError):
         for _ in range(_WIDTHS):

@@ -87,8 +87,8 @@ def stand_in_covariance(fitted: Fitted, error: ModelError, thresholds: Threshold
 
     If a curved spring, a gap or an eccentric gear leaves a model error, the drive probably has
     another effect, and another stand-in would give other values. The added error is the largest
-    change of the values without all or one of these terms. There is none if a dead zone or terms
-    with sought constants explain the log.
+    change of the values without all or one of these terms. It is zero if a dead zone or terms with
+    sought constants explain the log.
     """
     joint = fitted.structure.joint
     stand_ins = {*joint.shapes, *HARDENING} & {*fitted.names} - {*joint.nonlinear.values()}

@@ -76,7 +76,7 @@ def _white_noise(values: FloatArray) -> float:
 def amplifier_of(structure: Structure, data: Data, *, is_voltage: bool) -> Amplifier:
     """Return the amplifier with the limit that a log shows, and for a voltage also the dead zone.
 
-    For a current or a torque, a dead zone cannot be told from friction. Both may be commanded
+    For a current or a torque, a dead zone is indistinguishable from friction. Both may be commanded
     values, so they may have a limit.
     """
     driven = _Driven(structure, data)

@@ -56,7 +56,7 @@ class Job:
 
     @property
     def input_unit(self) -> str:
-        """Unit of the input; empty where there is none."""
+        """Unit of the input; empty without an input."""
         return self.recordings.recorded[0].input_unit
 
     @property

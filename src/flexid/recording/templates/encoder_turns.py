@@ -1,11 +1,12 @@
-"""Wraps of absolute encoders, undone sample by sample: of a stream's, and of a whole log's.
+"""Unwrapping of absolute encoders sample by sample, for streams and for whole logs.
 
-At the link's side of the gear an encoder wraps by whole turns. In front of a gear it wraps where it
-jumps, from one sample to the next, by turns of the motor within which it has stayed so far; from
-then on by these. Should it leave them later, it does not wrap, and is taken as it is.
+An encoder at the link side of the gear wraps by whole turns. An encoder in front of the gear may
+wrap by several turns of the motor: this period is found at the first jump by whole turns that is at
+least as large as the range of the readings so far. If the readings later exceed the period, the
+encoder does not wrap, and its readings are used unchanged.
 
-Once it is known by what it wraps, a reading is taken to be the one of all that differ by wraps that
-is nearest to where the latest speed leads.
+With a known period, each reading is unwrapped to the value closest to a prediction at the latest
+speed.
 """
 
 from typing import TYPE_CHECKING
@@ -17,22 +18,22 @@ if TYPE_CHECKING:
     from flexid.kernels.templates.compiled import *
 
 TURN = 2.0 * np.pi
-NEAR = 3.5  # sample times from one reading to the next within which a jump is a wrap: two are lost
-PERSISTENT = 3  # readings in a row that are off by a quarter of a turn: the motor is elsewhere
-SLACK = 0.01  # turns by which the range of an encoder may exceed what it wraps by
+NEAR = 3.5  # most sample times between readings for a jump to count as a wrap: two may be lost
+PERSISTENT = 3  # readings in a row a quarter turn off the prediction that are real motion
+SLACK = 0.01  # turns by which the range of readings may exceed the period
 
-# Places in the state of an encoder in front of a gear: the last reading that was believed and its
-# time, the range of readings, what it wraps by (0: not known, below 0: it does not), what was taken
-# off, readings in a row that were odd, wraps, and the latest speeds.
+# Indices into the state of an encoder in front of a gear: the last accepted reading and its time,
+# the range of readings, the period (0: unknown, negative: the encoder does not wrap), the offset
+# subtracted from readings, consecutive odd readings, the number of wraps, and the latest speeds.
 SEEN_AT, SEEN, LEAST, MOST, PERIOD, OFFSET, ODD, WRAPPED, NEWEST, SECOND, THIRD = range(11)
 N_GEAR = 11
 
 
 @rounded
 def whole_turns(step, turning):
-    """Turns by which an encoder jumped at the link's side, from one sample to the next.
+    """Return the whole turns in an encoder's jump between two samples, at the link side.
 
-    A joint that slides makes none.
+    Prismatic joints are not `turning` and have none.
     """
     if not turning or abs(step) <= np.pi:
         return 0.0
@@ -41,7 +42,7 @@ def whole_turns(step, turning):
 
 
 def first_gear():
-    """State before the first reading."""
+    """Return the state before the first reading."""
     gear = np.zeros(N_GEAR)
     gear[[SEEN_AT, SEEN, NEWEST, SECOND, THIRD]] = np.nan
     gear[LEAST], gear[MOST] = np.inf, -np.inf
@@ -50,16 +51,16 @@ def first_gear():
 
 @rounded
 def forget_speeds(gear):
-    """Know no speed, where the motion is another."""
+    """Discard the latest speeds after an interruption of the motion."""
     for i in range(NEWEST, N_GEAR):
         gear[i] = np.nan
 
 
 @rounded
 def latest_speed(gear):
-    """Median of the latest three, which one outlier does not move; of fewer the slowest; rad each.
+    """Return the median of the latest three speeds, or the slowest of fewer, in rad per sample.
 
-    They are counted in samples.
+    One outlier does not change the median.
     """
     if not np.isnan(gear[THIRD]):
         low, high = min(gear[NEWEST], gear[SECOND]), max(gear[NEWEST], gear[SECOND])
@@ -72,8 +73,8 @@ def latest_speed(gear):
 
 
 @rounded
-def believe_reading(gear, time, reading, turn):
-    """The position of a reading that is no outlier."""
+def accept_reading(gear, time, reading, turn):
+    """Update the state by a reading that is no outlier; return its unwrapped position."""
     gear[ODD] = 0.0
     gear[SEEN_AT], gear[SEEN] = time, reading
     gear[LEAST], gear[MOST] = min(gear[LEAST], reading), max(gear[MOST], reading)
@@ -83,8 +84,8 @@ def believe_reading(gear, time, reading, turn):
 
 
 @rounded
-def look_for_period(gear, reading, unexpected, turn):
-    """Find what it wraps by, where it jumps by that beside the motion that is expected."""
+def find_period(gear, reading, unexpected, turn):
+    """Set the period if the unexpected part of a jump is whole turns that exceed the range."""
     whole = turn * np.rint(abs(unexpected) / turn)
     extent = max(gear[MOST], reading) - min(gear[LEAST], reading)
     is_whole = whole > 0.0 and abs(abs(unexpected) - whole) <= 0.25 * turn
@@ -94,16 +95,16 @@ def look_for_period(gear, reading, unexpected, turn):
 
 @rounded
 def behind_gear(gear, time, reading, turn, sample_time):
-    """The position of a reading in front of a gear, a turn of whose motor is `turn`."""
+    """Return the unwrapped position of a reading in front of a gear; one motor turn is `turn`."""
     samples = (time - gear[SEEN_AT]) / sample_time
     if not 0.0 < samples <= NEAR:
         forget_speeds(gear)
-        return believe_reading(gear, time, reading, turn)
+        return accept_reading(gear, time, reading, turn)
     samples = max(1.0, np.rint(samples))
     jump = reading - gear[SEEN]
     expected = latest_speed(gear) * samples
     if gear[PERIOD] == 0.0:
-        look_for_period(gear, reading, jump - expected, turn)
+        find_period(gear, reading, jump - expected, turn)
     period = gear[PERIOD] if gear[PERIOD] > 0.0 else turn
     wraps = np.rint((jump - expected) / period) if gear[PERIOD] > 0.0 else 0.0
     step = jump - period * wraps
@@ -111,23 +112,24 @@ def behind_gear(gear, time, reading, turn, sample_time):
     if is_odd and not np.isnan(gear[THIRD]) and gear[ODD] + 1.0 < PERSISTENT:
         gear[ODD] += 1.0
         return reading - gear[OFFSET] - period * wraps
-    # After two that did not fit, one that does may be where another turn leads.
+    # After two odd readings, a third that fits the prediction may do so by chance.
     is_new = is_odd or gear[ODD] + 1.0 >= PERSISTENT
     if gear[PERIOD] == 0.0 and np.isnan(gear[NEWEST]):
-        step -= turn * np.rint(step / turn)  # a wrap may lie between the first two
+        step -= turn * np.rint(step / turn)  # there may be a wrap between the first two
     if is_new:
         forget_speeds(gear)
     gear[THIRD], gear[SECOND], gear[NEWEST] = gear[SECOND], gear[NEWEST], step / samples
     gear[OFFSET] += period * wraps
     gear[WRAPPED] += abs(wraps)
-    return believe_reading(gear, time, reading, turn)
+    return accept_reading(gear, time, reading, turn)
 
 
 @njit(**equations)
 def unwrapped_log(time, readings, turn, turning, sample_time, gear, positions):
-    """Fill in the positions of a whole log's encoder, and its state behind a gear of `turn`.
+    """Unwrap a whole log of one encoder into `positions`; update the state `gear`.
 
-    A `turn` of zero is that of no gear. A joint that is not `turning` slides.
+    `turn` is one motor turn at the link side, or 0 for an encoder at the link side. `turning` is
+    false for a prismatic joint.
     """
     before, off = np.nan, 0.0
     for n in range(len(readings)):

@@ -1,4 +1,4 @@
-"""Limits of sensors and inputs, found sample by sample: of a stream's, and of a whole log's."""
+"""Detection of limits of sensors and inputs sample by sample, for streams and whole logs."""
 
 from typing import TYPE_CHECKING
 
@@ -8,17 +8,17 @@ from numba import njit
 if TYPE_CHECKING:
     from flexid.kernels.templates.compiled import *
 
-# Of a signal at its upper end: extreme, samples there, occasions, samples in a row; the level next
-# to it.
+# Indices into the state of a signal's upper end: largest value, samples there, visits, consecutive
+# samples there; the second largest value and the samples there.
 LEVEL, HITS, OCCASIONS, RUN, BESIDE, BESIDE_HITS = range(6)
 N_END = 6
 
 
 @rounded
 def is_limit(end):
-    """Whether a signal rests at its extreme again and again, which no free signal does.
+    """Whether a signal is limited: it visits its largest value repeatedly and for long.
 
-    Far more samples are there than at the level beside it, in some long rests.
+    A free signal has about as many samples at its second largest value.
     """
     rests = end[OCCASIONS] >= 2.0 and end[HITS] >= 3.0 * end[OCCASIONS]
     return rests and end[HITS] > 10.0 * end[BESIDE_HITS]
@@ -26,7 +26,7 @@ def is_limit(end):
 
 @rounded
 def at_limit(end, level):
-    """Whether the next value is at the limit of its signal."""
+    """Update the state by the next value; return whether the value is at a limit."""
     if level > end[LEVEL]:
         end[BESIDE], end[BESIDE_HITS] = end[LEVEL], end[HITS]
         end[LEVEL], end[HITS], end[OCCASIONS], end[RUN] = level, 1.0, 1.0, 1.0

@@ -1,8 +1,8 @@
-"""What may be learnt from of a stream: samples in order, without gaps, outliers and dead sensors.
+"""Checks of a stream's samples: order in time, gaps, outliers, stuck and saturated channels.
 
-A sample is time, a position per encoder and the inputs. What is wrong with it is its fate; wherever
-the ones that are left do not follow each other, a row without numbers stands between them, at which
-every online estimator begins again.
+A sample is a time, a position per encoder and the inputs. Each sample gets a fate: taken, or the
+reason for its rejection. A row of NaN separates taken samples that are not consecutive; there every
+online estimator starts again.
 """
 
 from math import exp
@@ -17,38 +17,39 @@ if TYPE_CHECKING:
     from flexid.recording.templates.limits import *
 
 
-# What became of a sample.
+# Fates of samples.
 TAKEN, NO_NUMBER, REPEATED, LATE, OUTLIER, STUCK, SATURATED = 0, 1, 2, 3, 4, 5, 6
-# What happened on the way, counted beside the fates.
+# Events that are also counted.
 GAPS, MISSING, WRAPS, RESTARTS, JUMPS = 7, 8, 9, 10, 11
 N_COUNTS = 12
 
-# Places in the settings.
+# Indices into the settings.
 SAMPLE_TIME, GAP, GATE, PEAKS, DEFLECTION = 0, 1, 2, 3, 4
 STILL_TIME, DEAD_TIME, MOVED, TWISTED, MOTOR_TURN, TURNING = 5, 6, 7, 8, 9, 10
 
-# Places in the state: counts, the clock, what is known of the motor's encoder in front of a gear,
-# then of each encoder and of each input.
+# Indices into the state: counts, the clock, the motor's encoder in front of a gear (see
+# `encoder_turns`), then the states of each encoder and of each input.
 COUNTS_AT = 0
 LAST_TIME, FED, KEPT, SKIPPED, BROKEN, LATE_RUN, LATE_TIME = 12, 13, 14, 15, 16, 17, 18
 SCALED, STUCK_FOR, LEAST_TWIST, LARGEST_TWIST = 19, 20, 21, 22
 GEAR_AT = 23
 ENCODERS_AT = GEAR_AT + N_GEAR
-# Of an encoder: turns taken off, last readings as they came and as they were kept, mean and peak
-# of second differences, range; since when it stands still, and the other one's range since then.
+# Indices into an encoder's state: subtracted turns, last raw reading, last two positions, mean and
+# peak of second differences, range; samples without a change, and the range of the other encoder
+# during these.
 TURNS, READING, NEWER, OLDER, MEAN, PEAK, LOWEST, HIGHEST, STILL, FLOOR, CEILING = range(11)
 QUANTUM = 11  # smallest change of a reading so far
 N_ENCODER = 12
 
-LARGEST = 1e10  # in SI: what is larger is no measurement; as in `flexid.recording.checks`
-LATE_ENOUGH = 20  # samples that are late in a row: the clock was set back
-STEPS = 4.0  # of an encoder that are no outlier, however long it has stood still
-LEARNING = 20  # second differences before any is called an outlier
-MEAN_TIME, PEAK_TIME = 1.0, 60.0  # s over which mean and peak fade
+LARGEST = 1e10  # SI: larger values are no measurements; as in `flexid.recording.checks`
+LATE_ENOUGH = 20  # consecutive late samples after which the clock was set back
+STEPS = 4.0  # encoder steps that are never an outlier, even after a long rest
+LEARNING = 20  # second differences needed before a sample can be an outlier
+MEAN_TIME, PEAK_TIME = 1.0, 60.0  # s, time constants of the mean and of the peak's decay
 
 
 def first_state(n_encoders, n_inputs):
-    """State before the first sample."""
+    """Return the state before the first sample."""
     inputs_at = ENCODERS_AT + n_encoders * N_ENCODER
     state = np.zeros(inputs_at + 2 * n_inputs * N_END)
     state[[LAST_TIME, LATE_TIME]] = np.nan
@@ -64,13 +65,13 @@ def first_state(n_encoders, n_inputs):
 
 @rounded
 def place_of(encoder):
-    """Where in the state an encoder begins; the inputs follow the last one."""
+    """Return the index of an encoder's state; the inputs' states follow the last encoder."""
     return ENCODERS_AT + encoder * N_ENCODER
 
 
 @rounded
 def steps_since(state, time, settings):
-    """Whole samples from the last one to this; 0 where it repeats, negative where it is late."""
+    """Return whole sample times since the last sample; 0 if repeated, negative if late."""
     last = state[LAST_TIME]
     if not abs(last) < np.inf:
         return 1.0
@@ -84,9 +85,9 @@ def steps_since(state, time, settings):
 
 @rounded
 def set_back(state, time, settings):
-    """Whether samples have been late, evenly and in order, for so long that the clock is another's.
+    """Whether the clock was set back: many consecutive late samples in even steps.
 
-    Recorders that are started again count from zero again.
+    A recorder that is restarted counts from zero again.
     """
     step = (time - state[LATE_TIME]) / settings[SAMPLE_TIME]
     state[LATE_RUN] = state[LATE_RUN] + 1.0 if 0.5 < step < settings[GAP] else 1.0
@@ -96,7 +97,7 @@ def set_back(state, time, settings):
 
 @rounded
 def unwrapped(state, sample, settings, x):
-    """Positions without the turns that absolute encoders jump by; links from deflections."""
+    """Write unwrapped positions into `x`; compute the link position from a deflection."""
     n, turning = x.shape[0], settings[TURNING] != 0.0
     for back in range(n):
         j = n - 1 - back
@@ -111,7 +112,7 @@ def unwrapped(state, sample, settings, x):
             encoder[TURNS] += turns
             state[COUNTS_AT + WRAPS] += 1.0
             encoder[READING] = sample[1 + j]
-        # Where encoders begin is not known.
+        # Absolute encoders may start on different turns.
         if turning and j < n - 1 and np.isnan(encoder[READING]):
             encoder[TURNS] = np.rint((sample[1 + j] - x[n - 1]) / TURN)
         x[j] = sample[1 + j] - TURN * encoder[TURNS]
@@ -119,7 +120,7 @@ def unwrapped(state, sample, settings, x):
 
 @rounded
 def undo_gear(state, sample, settings, n):
-    """Undo the wraps of the motor's encoder in front of a gear, in the sample."""
+    """Unwrap the reading of a motor's encoder in front of a gear, in place."""
     reading = sample[n]
     if settings[MOTOR_TURN] <= 0.0 or not abs(reading) < LARGEST:
         return
@@ -129,10 +130,10 @@ def undo_gear(state, sample, settings, n):
 
 @rounded
 def is_outlier(state, x, settings):
-    """Whether a position is off the straight line through the last two, more than ever before.
+    """Whether a position is farther from the line through the last two than ever before.
 
-    Encoders' noise, their steps and the drive's accelerations all make second differences. Over k
-    samples a motion whose second differences are within d is within d k (k + 1)/2 of the line.
+    Noise and steps of encoders and accelerations of the drive all cause second differences. If
+    these are at most d, the position after k samples is within d k (k + 1)/2 of the line.
     """
     if state[KEPT] < 2.0 or state[SCALED] < LEARNING:
         return False
@@ -149,8 +150,8 @@ def is_outlier(state, x, settings):
 
 
 @rounded
-def believe(state, x):
-    """Take for the peak what a motion must have done that went on elsewhere: it may again."""
+def raise_peak(state, x):
+    """Raise the peak of second differences after a real jump, so that it may occur again."""
     k = state[SKIPPED] + 1.0
     for j in range(x.shape[0]):
         encoder = part(state, place_of(j), N_ENCODER)
@@ -161,7 +162,7 @@ def believe(state, x):
 
 @rounded
 def learn_scale(state, x, settings):
-    """Take the positions' second differences into their mean and peak, and keep the positions."""
+    """Update mean and peak of the second differences, the last positions and the ranges."""
     counts = state[KEPT] >= 2.0 and state[SKIPPED] == 0.0
     h = settings[SAMPLE_TIME]
     if counts:
@@ -179,17 +180,17 @@ def learn_scale(state, x, settings):
         encoder[HIGHEST] = max(encoder[HIGHEST], x[j])
     last = x.shape[0] - 1
     still = max(state[place_of(0) + STILL], state[place_of(last) + STILL])
-    if still < 0.5 * settings[STILL_TIME]:  # one that is stuck would stretch the spring for ever
+    if still < 0.5 * settings[STILL_TIME]:  # a stuck encoder would fake a twist
         state[LEAST_TWIST] = min(state[LEAST_TWIST], x[0] - x[last])
         state[LARGEST_TWIST] = max(state[LARGEST_TWIST], x[0] - x[last])
 
 
 @rounded
 def is_stuck(state, sample, x, settings):
-    """Whether an encoder has not changed while the other one moved: `STUCK` or not.
+    """Whether an encoder is stuck: its reading is constant while the other encoder moves.
 
-    One that has moved before may stand for STILL_TIME; one that never moved, for DEAD_TIME. The
-    other has to move meanwhile by a share of its range, or by several times what the spring gave.
+    An encoder may rest for STILL_TIME if it has moved before, otherwise for DEAD_TIME. Meanwhile
+    the other one must move by a share of its range, or by several times the spring's largest twist.
     """
     stuck, n = False, x.shape[0]
     twist = settings[TWISTED] * max(state[LARGEST_TWIST] - state[LEAST_TWIST], 0.0)
@@ -222,7 +223,7 @@ def is_stuck(state, sample, x, settings):
 
 @rounded
 def is_saturated(state, sample, n):
-    """Whether an input stands at a limit; one that is switched off does not."""
+    """Whether an input is at a limit other than zero."""
     found = False
     for i in range(sample.shape[0] - 1 - n):
         value = sample[1 + n + i]
@@ -235,9 +236,9 @@ def is_saturated(state, sample, n):
 
 @rounded
 def in_order(state, time, settings):
-    """Fate of a sample by its time alone; gaps are counted, and followed by a new beginning."""
+    """Return a sample's fate by its time alone; count gaps and restarts."""
     if not abs(time) < LARGEST:
-        state[LAST_TIME] += settings[SAMPLE_TIME]  # it came when the next one was due
+        state[LAST_TIME] += settings[SAMPLE_TIME]  # assumed to be on time
         return NO_NUMBER
     steps = steps_since(state, time, settings)
     if steps == 0.0:
@@ -257,8 +258,8 @@ def in_order(state, time, settings):
 
 
 @rounded
-def judged(state, sample, settings, x):
-    """Fate of a sample that came in order; its positions go into x."""
+def fate_by_values(state, sample, settings, x):
+    """Return the fate of a sample that is in order; write its positions into `x`."""
     for value in sample:
         if not abs(value) < LARGEST:
             return NO_NUMBER
@@ -273,15 +274,15 @@ def judged(state, sample, settings, x):
 
 
 @rounded
-def look(state, sample, settings, x):
-    """Fate of a sample, from which wraps are taken off; its positions go into x."""
+def fate_of(state, sample, settings, x):
+    """Return a sample's fate and update the state; write its unwrapped positions into `x`."""
     state[FED] += 1.0
     fate = in_order(state, sample[0], settings)
-    if fate in (REPEATED, LATE):  # nothing is missing for that
+    if fate in (REPEATED, LATE):  # the stream remains consecutive
         return fate
     if fate == TAKEN:
         undo_gear(state, sample, settings, x.shape[0])
-        fate = judged(state, sample, settings, x)
+        fate = fate_by_values(state, sample, settings, x)
     if fate != TAKEN:
         state[SKIPPED] += 1.0
         state[BROKEN] = 1.0
@@ -289,7 +290,7 @@ def look(state, sample, settings, x):
     if state[SKIPPED] > 0.0:
         if state[SKIPPED] >= PERSISTENT:
             state[COUNTS_AT + JUMPS] += 1.0
-            believe(state, x)
+            raise_peak(state, x)
         state[KEPT] = 0.0
     learn_scale(state, x, settings)
     state[KEPT] += 1.0
@@ -299,11 +300,11 @@ def look(state, sample, settings, x):
 
 @njit(**equations)
 def guard(state, samples, settings, n_encoders, rows, fates):
-    """Judge samples, until an encoder is found stuck that was not before.
+    """Check samples, up to the first at which an encoder newly counts as stuck.
 
-    Returns the new state, how many samples were judged, how many rows were filled with positions
-    and inputs of what may be learnt from, and for how long that encoder has stood still, in
-    samples. A row without numbers stands for what is missing.
+    Returns the new state, the number of samples checked, the number of rows filled, and for how
+    many samples that encoder has been stuck. Rows are positions and inputs of taken samples, or NaN
+    where samples are missing.
     """
     new, width = state.copy(), rows.shape[1]
     x, sample = np.empty(n_encoders), np.empty(samples.shape[1])
@@ -311,7 +312,7 @@ def guard(state, samples, settings, n_encoders, rows, fates):
     for n in range(samples.shape[0]):
         for i in range(samples.shape[1]):
             sample[i] = samples[n, i]
-        fate = look(new, sample, settings, x)
+        fate = fate_of(new, sample, settings, x)
         fates[n] = fate
         new[COUNTS_AT + fate] += 1.0
         if fate == STUCK and new[STUCK_FOR] == 0.0:
@@ -333,5 +334,5 @@ def guard(state, samples, settings, n_encoders, rows, fates):
 
 
 def gear_wraps(state):
-    """How often the motor's encoder wrapped in front of a gear."""
+    """Return how often the motor's encoder in front of a gear has wrapped."""
     return state[GEAR_AT + WRAPPED]
