@@ -73,8 +73,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     log = simulate(MADE, motion, np.random.default_rng(7))
     save(log, found / "run.csv")
     late = [log.link[2:, 0], log.link[:-2, 1]]  # the second link's encoder is two samples late
-    timely = {name: getattr(log, name)[2:] for name in ("time", "motor", "torque")}
-    save(Log(link=np.column_stack(late), types=log.types, **timely), found / "late.csv")
+    without_link_delays = {name: getattr(log, name)[2:] for name in ("time", "motor", "torque")}
+    save(
+        Log(link=np.column_stack(late), types=log.types, **without_link_delays), found / "late.csv"
+    )
     truth = MADE.truth()
     softer = truth | {"joint_stiffness_2": 0.8 * truth["joint_stiffness_2"]}
     for name, values in (("true", truth), ("softer", softer)):

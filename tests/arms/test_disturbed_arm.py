@@ -25,7 +25,7 @@ from flexid.arms.doubts import (
     rig_errors,
     with_doubts,
 )
-from flexid.arms.fitting import FittedArm, begun, exact_fits, promises, unusual_parts
+from flexid.arms.fitting import FittedArm, exact_fits, fit_from_starts, promises, unusual_parts
 from flexid.arms.identify import fixed_parameters
 from flexid.arms.log import arm_data
 from flexid.arms.starts import starts
@@ -170,7 +170,7 @@ def test_noise_of_the_torque_ends_exact_fits_early():
     """Assert that short segments end exact fits of a noisy torque, with the reason."""
     found = exact_fits(STRUCTURE, arm_data([recording()]), lambda _: None)
     assert len(found.found) < 4
-    assert "residuals exceed" in found.hopeless
+    assert "residuals exceed" in found.failure
 
 
 def test_a_delay_of_the_torque_is_no_disturbance():
@@ -180,7 +180,7 @@ def test_a_delay_of_the_torque_is_no_disturbance():
     early = replace(log.window(3, len(log)), inputs=log.inputs[:-3])
     for samples, delay in ((late, 6e-3), (early, -6e-3)):
         found = exact_fits(STRUCTURE, arm_data([samples]), lambda _: None)
-        assert found.hopeless == ""
+        assert found.failure == ""
         assert found.best()[0].by_name[INPUT] == pytest.approx(delay, abs=1e-4)
 
 
@@ -191,7 +191,7 @@ def test_a_late_link_encoder_is_found():
     positions = early.positions.copy()
     positions[:, 0] = log.positions[:-2, 0]
     found = exact_fits(STRUCTURE, arm_data([replace(early, positions=positions)]), lambda _: None)
-    assert found.hopeless == ""
+    assert found.failure == ""
     values, truth = found.best()[0].by_name, SMOOTH.truth()
     assert values["link_1_delay"] == pytest.approx(4e-3, abs=1e-4)
     for name in ("joint_stiffness_1", "motor_viscous_friction_1", "link_viscous_friction_1"):
@@ -320,7 +320,7 @@ def test_each_start_is_tried_over_few_segments_first(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(fitting, "starts", lambda *_: [{"number": n} for n in (1, 2, 3)])
     monkeypatch.setattr(fitting, "by_misfit", lambda *given: given[3])
     monkeypatch.setattr(fitting, "fit_segments", fit_segments)
-    likely, fit = fitting.begun(STRUCTURE, arm_data([still]), segments)
+    likely, fit = fitting.fit_from_starts(STRUCTURE, arm_data([still]), segments)
     assert likely == ({"number": 2}, {"number": 3})
     assert fit is not None
     assert fit.by_name == {"number": 200}
@@ -333,7 +333,7 @@ def fitted_without() -> FittedArm:
     """Return a fit of linear springs to an arm whose first spring hardens."""
     data = arm_data([moved(CURVED)])
     segments = divide(data.samples, 0.4)
-    _, first = begun(STRUCTURE, data, segments)
+    _, first = fit_from_starts(STRUCTURE, data, segments)
     assert first is not None
     return fit_segments(STRUCTURE, data, segments, first.by_name, None, Steps(0.1))
 

@@ -213,7 +213,9 @@ def both_resting(samples: Samples) -> np.ndarray:
 
 
 @pytest.mark.parametrize("directions", [still, resting, both_resting])
-@pytest.mark.parametrize("delays", [(), ("input_delay", "link_delay")], ids=["timely", "late"])
+@pytest.mark.parametrize(
+    "delays", [(), ("input_delay", "link_delay")], ids=["without_link_delays", "late"]
+)
 def test_derivatives_are_those_of_differences(delays, directions):
     """Assert that the right-hand side is minus half the slope of the cost, for delays too."""
     samples = disturbed_samples(4)

@@ -48,8 +48,12 @@ MARGIN = 0.01  # s
 def fitted(segments: _Segments, excess: float, late: float = 0.0) -> SimpleNamespace:
     """Return a stand-in for a fit with residuals, segments and a delay only."""
     structure = SimpleNamespace(timing=SimpleNamespace(sought=("late",)))
-    astray = {"late"} if late > MARGIN else set()
-    given = {"structure": structure, "has_partners": not astray, "astray": astray}
+    excessive_delays = {"late"} if late > MARGIN else set()
+    given = {
+        "structure": structure,
+        "has_partners": not excessive_delays,
+        "excessive_delays": excessive_delays,
+    }
     return made_fit(excess, cost=excess * SAMPLES, segments=segments, **given)
 
 
@@ -193,7 +197,7 @@ def test_a_hold_whose_steps_do_not_end_is_no_rival(
     """Assert that the smaller sum of squares decides among converged fits, if there are any."""
     other = held("linear", 900.0, converged=other_ends)
     monkeypatch.setattr(
-        fits_by_length, "held_otherwise", lambda _, hold: other if hold == "linear" else None
+        fits_by_length, "with_other_hold", lambda _, hold: other if hold == "linear" else None
     )
     last = held("zero", 1000.0, converged=last_ends)
     best, _, tied = best_hold(last, ("zero", "linear"), THRESHOLDS)

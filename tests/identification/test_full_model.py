@@ -249,7 +249,7 @@ def test_holds_are_compared_in_equal_steps(monkeypatch: pytest.MonkeyPatch):
     segments, states = last.problem.segments, last.minimum.point.initial_states
     fine = refit(STRUCTURE, last.data, last.by_name, segments, FINE, states)
     # The rival has the same hold.
-    monkeypatch.setattr(fits_by_length, "held_otherwise", lambda *_: last)
+    monkeypatch.setattr(fits_by_length, "with_other_hold", lambda *_: last)
     apart = np.sqrt(np.diag(fits_by_length.hold_covariance(fine, ("zero",)))) / fine.unit_deviations
     assert np.abs((last.values - fine.values) / fine.unit_deviations).max() > 1.0
     assert apart.max() < 0.05

@@ -126,7 +126,7 @@ def test_half_the_way_may_lead_on(monkeypatch):
     def nowhere(_fitted, structure, *, steps):
         tried.append(structure.joint.extended.constants[BACKLASH_WIDTH])
 
-    monkeypatch.setattr(gap, "led_from", nowhere)
+    monkeypatch.setattr(gap, "fit_from", nowhere)
     assert as_wide_as_its_gap(first) is first
     own = half_gap(first)
     assert tried == pytest.approx([own, np.sqrt(own * gap.width_of(first.structure))])

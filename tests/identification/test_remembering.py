@@ -91,11 +91,11 @@ def test_what_explains_enough_is_followed(monkeypatch, before, floor, first, las
     """Assert that a fit is continued if its first steps reduce the residuals enough."""
     asked = []
 
-    def led_from(fitted, structure, start=None, *, data=None, steps):
+    def fit_from(fitted, structure, start=None, *, data=None, steps):
         asked.append((steps, start or fitted.by_name, fitted.minimum.point.initial_states))
         return last if data else first
 
-    monkeypatch.setattr(fits_by_length, "led_from", led_from)
+    monkeypatch.setattr(fits_by_length, "fit_from", fit_from)
     first = made_fit(first.excess, by_name={"first": 1.0}, states="there")
     fit = made_fit(before, states="here", data="data")
     rest = floor, THRESHOLDS, fits_by_length._only_brakes
@@ -141,11 +141,11 @@ def test_a_part_is_searched_as_a_whole(monkeypatch: pytest.MonkeyPatch):
     parts = {"whole": part, "part": made_fit(9.0, states="part of the part")}
     asked = []
 
-    def led_from(fit, *_, **__):
+    def fit_from(fit, *_, **__):
         asked.append(fit.minimum.point.initial_states)
         return made_fit(1.0, by_name={})
 
-    monkeypatch.setattr(fits_by_length, "led_from", led_from)
+    monkeypatch.setattr(fits_by_length, "fit_from", fit_from)
     monkeypatch.setattr(
         fits_by_length, "sampled", lambda fit: parts[fit.minimum.point.initial_states]
     )

@@ -277,7 +277,7 @@ def test_steps_need_not_end_where_the_log_is_explained(monkeypatch, explained, s
     without = Structure(JOINT, shapes, Timing("zero"))
     narrow = made_fit(excess, segments="segments", states="states", structure=without)
 
-    def led_from(fitted, structure, *, steps):
+    def fit_from(fitted, structure, *, steps):
         assert (fitted, steps.insist) == (narrow, False)
         left = shapes & (JOINT.remembered | elimination.SOUGHT_COEFFICIENTS)
         assert structure.absent == (left if saturates else left | elimination.SATURATION)
@@ -285,7 +285,7 @@ def test_steps_need_not_end_where_the_log_is_explained(monkeypatch, explained, s
 
     monkeypatch.setattr(elimination, "shows_saturation", lambda _: saturates)
     monkeypatch.setattr(elimination, "fit_like", lambda *_: None)
-    monkeypatch.setattr(elimination, "led_from", led_from)
+    monkeypatch.setattr(elimination, "fit_from", fit_from)
     by_length: Any = SimpleNamespace(found=(narrow,), holds=("zero",))
     wider, _ = elimination._wider(narrow, by_length, THRESHOLDS)
     assert (wider is not narrow) == explained

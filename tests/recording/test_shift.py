@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexid.estimators.channel_timing import later, rate_of_later, spoilt
+from flexid.estimators.channel_timing import invalid_ends, later, rate_of_later
 
 SAMPLE_TIME = 1e-3
 TIME = SAMPLE_TIME * np.arange(3000)
@@ -18,7 +18,7 @@ def motion(time):
 @pytest.mark.parametrize("samples", SHIFTS)
 def test_motion_is_shifted_by_just_so_much(samples):
     """Assert that a motion of up to 10 Hz is shifted exactly, within the stated margins."""
-    first, last = spoilt(samples)
+    first, last = invalid_ends(samples)
     shifted = later(motion(TIME), samples)[first : len(TIME) - last]
     expected = motion(TIME - SAMPLE_TIME * samples)[first : len(TIME) - last]
     assert np.max(np.abs(shifted - expected)) < 1e-6

@@ -222,7 +222,7 @@ def _with_unusual_terms(found: DisturbedFit) -> DisturbedFit:
     return found
 
 
-def along_the_valley(found: DisturbedFit) -> DisturbedFit:
+def along_flat_directions(found: DisturbedFit) -> DisturbedFit:
     """Search along the least determined direction and without rotor couplings for other minima.
 
     Sticking friction makes the cost rough: steps may end far from the minimum, where the curvature

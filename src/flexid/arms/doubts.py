@@ -36,7 +36,7 @@ from flexid.identification.estimation.doubts import (
     like_a_term,
     widened,
 )
-from flexid.identification.estimation.rig_errors import SHARE, likely_changes, otherwise_shown
+from flexid.identification.estimation.rig_errors import SHARE, likely_changes, with_sensor_error
 from flexid.identification.structure.gap import LIKELIER
 from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
@@ -67,7 +67,7 @@ def input_noise(found: DisturbedFit) -> FloatArray:
     return np.minimum(np.max(logged, axis=0), white_noise(found))
 
 
-def timely(found: DisturbedFit) -> tuple[Samples, ...]:
+def without_link_delays(found: DisturbedFit) -> tuple[Samples, ...]:
     """Return the log with the delays of link encoders undone."""
     late = [found.values.get(name, 0.0) for name in link_delays(found.job.balance)]
     moved = []
@@ -189,7 +189,7 @@ def looks_like_the_acceleration(found: DisturbedFit) -> FloatArray:
 
 def play(found: DisturbedFit) -> FloatArray:
     """Return errors of springs due to play, which resembles a softer or hardening spring."""
-    changes = changes_by_play(found.job.balance, found.values, timely(found))
+    changes = changes_by_play(found.job.balance, found.values, without_link_delays(found))
     names = found.fitted.names
     return np.array([[change.get(name, 0.0) for change in changes] for name in names])
 
@@ -304,15 +304,15 @@ def rig_errors(fitted: FittedArm, deflections: Sequence[int]) -> Iterator[Segmen
     """
     outputs, types = fitted.problem.segments.outputs, fitted.structure.joint.balance.types
     for motor in range(1, outputs.shape[1], 2):
-        yield otherwise_shown(fitted, motor, CALIBRATION * outputs[:, motor])
+        yield with_sensor_error(fitted, motor, CALIBRATION * outputs[:, motor])
         link = motor - 1
         if link in deflections:
             bent = outputs[:, link] - outputs[:, motor]
-            yield otherwise_shown(fitted, link, GAUGE * bent)
+            yield with_sensor_error(fitted, link, GAUGE * bent)
         elif types[link // 2] == "revolute":  # once per turn, with any phase
             for wave in (np.sin, np.cos):
                 error = ECCENTRICITY / np.sqrt(2.0) * wave(outputs[:, link])
-                yield otherwise_shown(fitted, link, error)
+                yield with_sensor_error(fitted, link, error)
     known = fitted.structure.joint.balance.constants
     last = f"l{len(types)}"  # this length has no effect
     for place, (name, value) in enumerate(known.items()):

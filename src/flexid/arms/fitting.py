@@ -129,12 +129,12 @@ class ExactFits:
     """Fits without disturbances over segments of growing length."""
 
     asked: Structure[ElasticArm]
-    begun: tuple[dict[str, float], ...]  # starts by name; `found` is from the first
+    ranked_starts: tuple[dict[str, float], ...]  # starts by name; `found` is from the first
     found: tuple[FittedArm, ...]  # empty if the fit failed from each start
     log_lag: float = 0.0  # s, of a filter of the logged inputs, undone in `found`
 
     @property
-    def hopeless(self) -> str:
+    def failure(self) -> str:
         """Reason why fits without disturbances failed; empty if they may be good."""
         return _failure(self.found[-1]) if self.found else "the fit fails from every start"
 
@@ -146,7 +146,7 @@ class ExactFits:
     @property
     def starts(self) -> tuple[dict[str, float], ...]:
         """Starting values and the values of the last fit, by name."""
-        return (*self.begun, *(end.by_name for end in self.found[-1:]))
+        return (*self.ranked_starts, *(end.by_name for end in self.found[-1:]))
 
     def best(self) -> tuple[FittedArm, Estimate]:
         """Return the fit over the longest segments with small residuals, and its estimate."""
@@ -168,7 +168,7 @@ def exact_fits(
     """Fit an arm over segments of growing length until its residuals show a model error."""
     divisions = _divisions(data)
     progress("least squares")
-    likely, first = begun(structure, data, divisions[0])
+    likely, first = fit_from_starts(structure, data, divisions[0])
     found = [first] if first else []
     timed, lag = False, 0.0
     for place in range(1, len(divisions)) if found else ():
@@ -184,7 +184,7 @@ def exact_fits(
             longer, timed = _with_unusual_terms(longer), True
         if is_timed or lag:
             longer, lag = _with_filter_undone(longer, data, lag)
-            divisions = _divisions(before_the_log(data, lag))
+            divisions = _divisions(without_log_lag(data, lag))
         found.append(longer)
         if _failure(longer) or (duration > _USUAL and not _has_small_residuals(longer, found)):
             break
@@ -247,7 +247,7 @@ def _with_filter_undone(best: FittedArm, logged: Data, lag: float) -> tuple[Fitt
         early = -best.by_name.get(INPUT, 0.0)
         if abs(early) <= _FINEST * lag or lag + early <= 0.0:
             break
-        data = before_the_log(logged, lag + early)
+        data = without_log_lag(logged, lag + early)
         count = len(best.problem.segments)
         segments = next(own for own in _divisions(data) if len(own) == count)
         states, start = best.minimum.point.initial_states, {**best.by_name, INPUT: 0.0}
@@ -262,7 +262,7 @@ def _with_filter_undone(best: FittedArm, logged: Data, lag: float) -> tuple[Fitt
     return best, lag
 
 
-def before_the_log(data: Data, lag: float) -> Data:
+def without_log_lag(data: Data, lag: float) -> Data:
     """Return the data with a first-order filter of the inputs undone; its lag is in s."""
     if lag == 0.0:
         return data
@@ -319,7 +319,7 @@ def _has_small_residuals(one: FittedArm, found: Sequence[FittedArm]) -> bool:
     return one.excess <= _LARGEST_RATIO * next(filter(_near_noise, found), found[0]).excess
 
 
-def begun(
+def fit_from_starts(
     structure: Structure[ElasticArm], data: Data, segments: Segments
 ) -> tuple[tuple[dict[str, float], ...], FittedArm | None]:
     """Return starting values, the best first, and the fit from the first of them.

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 
 import flexid
-from flexid.arms.disturbed import along_the_valley, creeping, fit_disturbed
+from flexid.arms.disturbed import along_flat_directions, creeping, fit_disturbed
 from flexid.arms.doubts import with_doubts
 from flexid.arms.fitting import (
     FittedArm,
-    before_the_log,
     effect_sizes,
     exact_fits,
     explains,
@@ -21,6 +20,7 @@ from flexid.arms.fitting import (
     no_start,
     predicted,
     residual_excess,
+    without_log_lag,
 )
 from flexid.arms.log import ArmLog, read_arm_log
 from flexid.arms.result import ArmIdentification, joint_of_name
@@ -125,7 +125,7 @@ def _chosen_fit(
     If a motor creeps that seemed to rest, its parameters are fitted, except those in `fixed`.
     """
     exact = exact_fits(structure, log.data, progress)
-    best, reason = None, exact.hopeless
+    best, reason = None, exact.failure
     if not reason:
         progress("intervals")
         best = exact.best()
@@ -133,12 +133,12 @@ def _chosen_fit(
     if best is None or reason:
         progress("disturbances")
         with suppress(ConvergenceError):
-            data = before_the_log(log.data, exact.log_lag)
+            data = without_log_lag(log.data, exact.log_lag)
             disturbed = fit_disturbed(exact.structure, data, exact.starts)
             still = (r.positions[:, 2 * joint - 1] for r in log.recordings for joint in log.resting)
             if not all(map(is_noise, still)):
                 disturbed = creeping(disturbed, fixed, exact.starts)
-            disturbed = along_the_valley(disturbed)
+            disturbed = along_flat_directions(disturbed)
             progress("systematic errors")
             doubted, widest = with_doubts(disturbed)
             if not any(doubted.degrees_of_freedom):

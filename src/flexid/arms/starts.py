@@ -74,7 +74,7 @@ class Filtered:
         """Index of each joint's input."""
         return self._places("input")
 
-    def beside_the_spring(self, joint: int, free: Sequence[int]) -> list[int]:
+    def terms_without_spring(self, joint: int, free: Sequence[int]) -> list[int]:
         """Return indices of a motor balance's terms, with its input and without its stiffness."""
         spring, source, row = self.springs[joint], self.inputs[joint], 2 * joint + 1
         used = [k for k in free if k != spring and self.columns[:, row, k].any()]
@@ -159,7 +159,7 @@ def backward_inputs(
     data = filtered(balance, recordings, min(BANDS[-1], 0.1 * fastest))
     found = []
     for joint in set(range(balance.joints)) - {*resting}:
-        used = data.beside_the_spring(joint, _free(data, fixed))
+        used = data.terms_without_spring(joint, _free(data, fixed))
         left, right = data.columns[:, 2 * joint + 1, used], -data.columns[:, 2 * joint + 1]
         left = left / np.maximum(np.sqrt(np.sum(left**2, axis=0)), np.finfo(float).tiny)
         inverse = np.linalg.pinv(left.T @ left)
@@ -183,7 +183,7 @@ def _by_deflection(data: Filtered, fixed: dict[str, float]) -> FloatArray:
             values[spring] = 1.0
             scales.append([spring])
             continue
-        used = data.beside_the_spring(joint, free)
+        used = data.terms_without_spring(joint, free)
         share = _least_squares(columns[:, row, used], -columns[:, row, spring], positive[used])
         if share[used.index(source)] <= 0.0:  # the input deflects this spring backwards
             return np.full_like(values, np.nan)

@@ -22,7 +22,7 @@ _EDGE = 16  # samples at either end that the reflection distorts
 # A phase shift delays without attenuation, so white noise stays white. Interpolation half-way
 # between two samples would attenuate the upper half of its frequencies.
 def later(values: FloatArray, samples: float) -> FloatArray:
-    """Delay a channel, shape (n,), by a number of samples of either sign; see `spoilt`."""
+    """Delay a channel, shape (n,), by a number of samples of either sign; see `invalid_ends`."""
     if samples == 0.0 or len(values) < 2:
         return values.copy()
     own = _reflected(values)
@@ -78,7 +78,7 @@ def _fast_length(length: int) -> int:
     return min(s << p for s in _SIZES for p in (power, power + 1) if s << p >= length)
 
 
-def spoilt(samples: float) -> tuple[int, int]:
+def invalid_ends(samples: float) -> tuple[int, int]:
     """Return how many entries of `later` are invalid at the beginning and at the end."""
     edge = 0 if samples == round(samples) else _EDGE
     return max(ceil(samples), 0) + edge, max(ceil(-samples), 0) + edge

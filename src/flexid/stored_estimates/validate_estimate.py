@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 import flexid
-from flexid.arms.fitting import DELAY, before_the_log
+from flexid.arms.fitting import DELAY, without_log_lag
 from flexid.arms.log import ArmLog, arm_data, read_arm_log
 from flexid.arms.result import ArmIdentification
 from flexid.arrays import FloatArray
@@ -234,7 +234,7 @@ def validate_arm(
                 f"{', '.join(stored.input_units)}: give logs of the same inputs",
             )
     logged = arm_data(_long_enough(logs), logs[0].relative_to)
-    data = before_the_log(logged, stored.log_lag)
+    data = without_log_lag(logged, stored.log_lag)
     arm = ElasticArm(planar_arm(stored.arm))
     delays = {f"{row}{DELAY}": delay for row, delay in stored.encoder_delays.items()}
     delays |= {INPUT: stored.input_delay} if stored.input_delay else {}

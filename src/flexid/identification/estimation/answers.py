@@ -35,7 +35,7 @@ from flexid.identification.estimation.final_fits import (
 from flexid.identification.estimation.model_error import lagged
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
-    may_stand,
+    is_acceptable,
     nearly_explains,
 )
 from flexid.identification.full_model.fitting import fit_like, lengths, motion_at
@@ -115,7 +115,7 @@ def answer(job: Job) -> Answer:
 def _reportable_exact(job: Job, chosen: tuple[Choice, Validation]) -> Answer | None:
     """Return the exact fit; None if it leaves too much to be reported, or does not converge."""
     fitted, thresholds = chosen[0].fitted, job.thresholds
-    if not (job.exact or may_stand(fitted, thresholds)):
+    if not (job.exact or is_acceptable(fitted, thresholds)):
         return None
     fallback = job.exact or _explains(fitted, job)
     try:

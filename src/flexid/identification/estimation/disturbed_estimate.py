@@ -34,7 +34,7 @@ from flexid.identification.estimation.doubts import (
 )
 from flexid.identification.estimation.excitations import row_sizes
 from flexid.identification.estimation.model_error import SEED, lagged, with_more
-from flexid.identification.estimation.rig_errors import likely_changes, otherwise_shown
+from flexid.identification.estimation.rig_errors import likely_changes, with_sensor_error
 from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.full_model.starting import least_squares_start, suited_rate
 from flexid.identification.structure.gap import PLAY, with_free_width
@@ -137,7 +137,7 @@ def by_eccentricity(fitted: Fitted) -> FloatArray | None:
     if fitted.data.relative_to or not gravity.any():
         return None
     angle = fitted.problem.segments.outputs[:, 0]
-    rigs = [otherwise_shown(fitted, 0, ECCENTRICITY * wave(angle)) for wave in (np.sin, np.cos)]
+    rigs = [with_sensor_error(fitted, 0, ECCENTRICITY * wave(angle)) for wave in (np.sin, np.cos)]
     return gravity[:, None] * likely_changes(fitted, rigs, _scatter(fitted))
 
 

@@ -17,7 +17,7 @@ from flexid.identification.full_model.model import Fitted, M
 SHARE = 0.3  # of an error's size, for the trial: a larger one leaves the linear range
 
 
-def otherwise_shown(fitted: Fitted[M], row: int, error: FloatArray) -> SegmentedMotion:
+def with_sensor_error(fitted: Fitted[M], row: int, error: FloatArray) -> SegmentedMotion:
     """Return a fit's motion with `SHARE` of an error, shape (n_samples,), in a row's sensor."""
     segments = fitted.problem.segments
     outputs = segments.outputs.copy()

@@ -19,9 +19,9 @@ from flexid.estimators.samples import Segments, side_by_side
 from flexid.identification.full_model.fitting import (
     EXPLORING,
     fit_by_length,
+    fit_from,
     fit_like,
     in_part,
-    led_from,
     lengths,
     longer_fits,
     motion_at,
@@ -75,7 +75,7 @@ class FitsByLength:
         return replace(held, exact=self.exact)
 
 
-def may_stand(fitted: Fitted, thresholds: Thresholds) -> bool:
+def is_acceptable(fitted: Fitted, thresholds: Thresholds) -> bool:
     """Whether an exact fit may be reported, so that it is fitted to all data."""
     explains = fitted.excess <= _HARDLY_MORE * thresholds.sensor_excess
     return explains or nearly_explains(fitted, thresholds) or bool(fitted.at_bound)
@@ -96,10 +96,10 @@ def _longer(
     Unless `exact`, the series ends after a fit that leaves too much to be reported.
     """
 
-    def leads_on(fitted: Fitted) -> bool:
-        return exact or fitted.duration < TURNING or may_stand(fitted, thresholds)
+    def should_continue(fitted: Fitted) -> bool:
+        return exact or fitted.duration < TURNING or is_acceptable(fitted, thresholds)
 
-    return longer_fits(first, divisions, leads_on)
+    return longer_fits(first, divisions, should_continue)
 
 
 def fit_full_model(
@@ -210,12 +210,12 @@ def explained_by(
     some = sampled(before)
     found = None
     for fitted in (before,) if some is before else (some, before):
-        found = led_from(fitted, structure, start, steps=EXPLORING)
+        found = fit_from(fitted, structure, start, steps=EXPLORING)
         wanted = thresholds.shape_share * (fitted.excess - floor)
         if found is None or fitted.excess - found.excess < wanted:
             return None
         # With integration steps for the new values the motion may diverge.
-        found = led_from(found, found.structure, data=fitted.data, steps=EXPLORING)
+        found = fit_from(found, found.structure, data=fitted.data, steps=EXPLORING)
         if found is None or not accepted(found):
             return None
         structure, start = found.structure, found.by_name
@@ -263,7 +263,7 @@ def with_best_hold(
     return FitsByLength(refined, tuple(divisions), free_length, tuple(holds), reason, tied)
 
 
-def held_otherwise(fitted: Fitted, hold: Hold) -> Fitted | None:
+def with_other_hold(fitted: Fitted, hold: Hold) -> Fitted | None:
     """Fit the structure with another hold, from a fit's values; None on failure or equal hold."""
     structure = fitted.ended
     before = structure.timing.hold
@@ -273,7 +273,7 @@ def held_otherwise(fitted: Fitted, hold: Hold) -> Fitted | None:
     start = fitted.by_name
     if INPUT in start:
         start = {**start, INPUT: start[INPUT] + half * ((before == "zero") - (hold == "zero"))}
-    found = led_from(fitted, structure.with_hold(hold), start)
+    found = fit_from(fitted, structure.with_hold(hold), start)
     # Use the fit's integration steps: a different step error would look like a worse hold.
     if found is None or fitted.data.refinement == 1:
         return found
@@ -301,7 +301,7 @@ def best_hold(
 
     Also returns the reason, and the holds that the log cannot distinguish from it.
     """
-    tried = side_by_side(lambda hold: held_otherwise(last, hold), holds)
+    tried = side_by_side(lambda hold: with_other_hold(last, hold), holds)
     others = [fitted for fitted in tried if fitted is not None]
     # A fit that did not converge does not compete with one that did.
     found = [last, *(other for other in others if other.converged or not last.converged)]
@@ -372,7 +372,7 @@ def _correlated(fitted: Fitted) -> float:
 def hold_covariance(reported: Fitted, tied: Sequence[Hold]) -> FloatArray:
     """Return the covariance, shape (k, k), from holds that the log cannot distinguish."""
     added = np.zeros((len(reported.names), len(reported.names)))
-    found = [other for hold in tied if (other := held_otherwise(reported, hold)) is not None]
+    found = [other for hold in tied if (other := with_other_hold(reported, hold)) is not None]
     # Use the reported fit's integration steps: a different step error would count as a doubt.
     others = [fit_like(rough.structure, rough) or rough for rough in found]
     misfits = _misfits((reported, *others))

@@ -100,31 +100,31 @@ def fit_by_length(
     divisions: Sequence[Segments],
     states: FloatArray | None = None,  # (n_segments, n_states)
     steps: Steps = ON_THE_WAY,
-    leads_on: Callable[[Fitted], bool] = lambda _: True,
+    should_continue: Callable[[Fitted], bool] = lambda _: True,
 ) -> list[Fitted]:
     """Fit over the first division, and from there over the longer ones."""
     first = fit_segments(structure, data, divisions[0], start, states, steps)
-    return [first, *longer_fits(first, divisions[1:], leads_on)]
+    return [first, *longer_fits(first, divisions[1:], should_continue)]
 
 
 def longer_fits(
     first: Fitted,
     divisions: Sequence[Segments],
-    leads_on: Callable[[Fitted], bool] = lambda _: True,
+    should_continue: Callable[[Fitted], bool] = lambda _: True,
 ) -> list[Fitted]:
     """Return fits over those divisions whose segments are longer than those of `first`.
 
     If a fit over the longest segments explains the log at once, it is the only one. Otherwise each
     length starts from the fit before it. The series ends at the first length at which the fit
-    fails, or after a fit for which `leads_on` is false. A fit that did not converge is kept if its
-    residuals are nearly noise.
+    fails, or after a fit for which `should_continue` is false. A fit that did not converge is kept
+    if its residuals are nearly noise.
     """
     longer = [each for each in divisions if len(each) < len(first.problem.segments)]
     if len(longer) > 1 and (whole := _explained_over(longer[-1], first)) is not None:
         return [whole]
     last, found = first, []
     for segments in longer:
-        if not leads_on(last):
+        if not should_continue(last):
             break
         try:
             last = over_longer(last, segments, ON_THE_WAY)
@@ -164,7 +164,7 @@ def beyond_noise(fitted: Fitted, floor: float, shortest: Fitted) -> float:
     return freedom * (fitted.excess - floor) - _CHANCE * float(np.sqrt(2.0 * states))
 
 
-def led_from(
+def fit_from(
     fitted: Fitted,
     structure: Structure,
     start: Mapping[str, float] | None = None,

@@ -267,7 +267,7 @@ class Fitted(Generic[M]):
         return promised <= FLAT * self.minimum.equations.cost or self.minimum.last_step <= ROUGH
 
     @property
-    def astray(self) -> frozenset[str]:
+    def excessive_delays(self) -> frozenset[str]:
         """Delays beyond the margin of the data."""
         sought = self.structure.timing.sought
         return frozenset(name for name in sought if abs(self.delays[name]) > self.data.margin)
@@ -275,7 +275,7 @@ class Fitted(Generic[M]):
     @property
     def has_partners(self) -> bool:
         """Whether all delays are within the margin of the data."""
-        return not self.astray
+        return not self.excessive_delays
 
     def coefficients(self, recording: int) -> FloatArray:
         """Return all coefficients of the system in a recording."""

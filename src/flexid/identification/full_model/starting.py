@@ -224,7 +224,7 @@ def first_fits(
     """
     last = len(short(divisions)[-1])
 
-    def leads_on(fitted: Fitted) -> bool:
+    def should_continue(fitted: Fitted) -> bool:
         return len(fitted.problem.segments) > last
 
     candidates: Iterator[Mapping[str, float]] = islice(
@@ -232,26 +232,28 @@ def first_fits(
     )
     for schedule in _schedules(divisions):
         best: list[Fitted] = []
-        astray: set[str] = set()
+        excessive_delays: set[str] = set()
         candidates, own = tee(candidates)
         for found in _fits_from_starts(
-            structure, data, islice(own, schedule.starts), schedule, leads_on
+            structure, data, islice(own, schedule.starts), schedule, should_continue
         ):
             if not found[-1].has_partners:
-                astray |= found[-1].astray
+                excessive_delays |= found[-1].excessive_delays
                 continue
             confirmed = len(found) == len(best) and _same_minimum(found, best)
             best = _better(found, best)
-            if confirmed or not leads_on(best[-1]):
+            if confirmed or not should_continue(best[-1]):
                 break
         if best:
             return best
-        if astray:  # the log does not determine these delays, which exceed its margin
-            return first_fits(structure.without(astray), data, divisions, insist=insist)
+        if excessive_delays:  # the log does not determine these delays, which exceed its margin
+            return first_fits(structure.without(excessive_delays), data, divisions, insist=insist)
     if not insist:
         steps = replace(FIRST_STEPS, insist=False)
         start = next(candidates)
-        return fit_by_length(structure, data, start, divisions, steps=steps, leads_on=leads_on)
+        return fit_by_length(
+            structure, data, start, divisions, steps=steps, should_continue=should_continue
+        )
     raise no_start()
 
 
@@ -306,26 +308,31 @@ def _fits_from_starts(
     data: Data,
     candidates: Iterator[Mapping[str, float]],
     schedule: _Schedule,
-    leads_on: Callable[[Fitted], bool],
+    should_continue: Callable[[Fitted], bool],
 ) -> Iterator[list[Fitted]]:
     """Yield the fits from each start that passes the schedule's first division."""
     divisions, before = schedule.divisions, schedule.finer
     first = in_part(divisions[0])
 
-    def led(start: Mapping[str, float]) -> list[Fitted]:
+    def fits_from(start: Mapping[str, float]) -> list[Fitted]:
         try:
             if first is not divisions[0]:
                 some = fit_by_length(structure, data, start, [first], steps=FIRST_STEPS)
                 start = some[0].by_name
             return fit_by_length(
-                structure, data, start, divisions, steps=FIRST_STEPS, leads_on=leads_on
+                structure,
+                data,
+                start,
+                divisions,
+                steps=FIRST_STEPS,
+                should_continue=should_continue,
             )
         except ConvergenceError:
             return []
 
     at_once = islice(candidates, schedule.together)
     stuck: list[Fitted] = []  # fits of a start that does not pass the first division
-    for found in chain(side_by_side(led, at_once), map(led, candidates)):
+    for found in chain(side_by_side(fits_from, at_once), map(fits_from, candidates)):
         reached = [f for f in found if len(f.problem.segments) <= len(divisions[before])]
         if reached:
             yield reached

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
-from flexid.estimators.channel_timing import before_a_lag, later, spoilt
+from flexid.estimators.channel_timing import before_a_lag, invalid_ends, later
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.settings import Auto
 from flexid.models.motion import JointType, unit_of
@@ -351,7 +351,7 @@ def aligned(recording: Recording, alignment: Alignment) -> Recording:
             position = later(recording.link_position, link)
             speed = None if speed is None else later(speed, link)
         shifted = replace(shifted, link_position=position, link_velocity=speed)
-        before, after = spoilt(link)
+        before, after = invalid_ends(link)
         first, last = max(first, before), max(last, after)
     return shifted.window(first, len(recording) - last) if first or last else recording
 

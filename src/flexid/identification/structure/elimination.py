@@ -21,9 +21,9 @@ from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
     best_hold,
     explains,
-    may_stand,
+    is_acceptable,
 )
-from flexid.identification.full_model.fitting import ON_THE_WAY, fit_like, led_from
+from flexid.identification.full_model.fitting import ON_THE_WAY, fit_from, fit_like
 from flexid.identification.full_model.model import ROUGH, Fitted, Structure
 from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS, settled
 from flexid.identification.vocabulary import Progress
@@ -81,7 +81,7 @@ def choose_structure(
     best = best_length(found) if by_length.free_length else found[-1]
     progress("removing terms that the log does not show")
     wider, asked = _wider(best, by_length, thresholds) if with_shapes else (best, by_length)
-    if not exact and not may_stand(wider, thresholds):
+    if not exact and not is_acceptable(wider, thresholds):
         return Choice(wider.structure, wider.structure, wider, (), tuple(found), asked)
     shorter = tuple(f for f in by_length.found if f.duration < best.duration)
     explained = explains(best, thresholds) and by_length.free_length
@@ -121,7 +121,7 @@ def choose_structure(
     structure = fitted.structure
     full = replace(wider.structure, joint=structure.joint)
     more, _ = eliminate(wider, kept, replace(thresholds, term_chance=thresholds.generous_chance))
-    others = [f for f in found if exact or may_stand(f, thresholds)]
+    others = [f for f in found if exact or is_acceptable(f, thresholds)]
     others = others if by_length.free_length else []
     rivals = _rivals(fitted, replace(more, joint=structure.joint), others, kept, thresholds)
     return Choice(full, structure, fitted, evidence, tuple(found), asked, rivals)
@@ -205,7 +205,7 @@ def _wider(
         wider = fit_like(extended, narrow, ROUGH)
         if wider is None and narrow.excess <= thresholds.sensor_excess:
             steps = replace(ON_THE_WAY, insist=False)  # the log may not distinguish the terms
-            wider = led_from(narrow, extended, steps=steps)
+            wider = fit_from(narrow, extended, steps=steps)
         # A worse fit has ended at a bound.
         if wider is not None and wider.excess <= _NO_WORSE * narrow.excess:
             break

@@ -28,9 +28,9 @@ from flexid.identification.full_model.fitting import (
     EXPLORING,
     FIRST_STEPS,
     fit_by_length,
+    fit_from,
     fit_like,
     in_own_steps,
-    led_from,
     motion_at,
 )
 from flexid.identification.full_model.model import Data, Fitted, Structure
@@ -124,7 +124,7 @@ def met(trail: list[tuple[float, float]]) -> float:
 def _with_width(fitted: Fitted, width: float) -> Fitted | None:
     """Return a fit with another width; None if its first steps do not improve the fit."""
     structure = following(fitted, width)
-    first = led_from(fitted, structure, steps=EXPLORING)
+    first = fit_from(fitted, structure, steps=EXPLORING)
     if first is None or not _no_worse(first, fitted):
         return None
     found = fit_like(structure, first)
