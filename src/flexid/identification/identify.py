@@ -158,23 +158,18 @@ def _answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
     if found is not None and (not job.input_unit or _explains(found, job.thresholds)):
         return job, found, IDEAL
     # Imported late: a log whose terms explain it does not need this module.
-    from flexid.identification.full_model.amplifier import (
-        amplifier_of,
-        limit_changes,
-        log_lag_changes,
-        with_log_lag,
-    )
+    from flexid.identification.full_model.amplifier import DrivenBalance
 
-    logged, balance = job, (job.structure, job.training)
-    amplifier = amplifier_of(*balance, is_voltage=is_voltage)
-    changes = [limit_changes(*balance, amplifier)]
+    logged, balance = job, DrivenBalance(job.structure, job.training)
+    amplifier = balance.amplifier(is_voltage=is_voltage)
+    changes = [balance.limit_changes(amplifier)]
     if found is None or amplifier.corrects:
         job = _with_amplifier(amplifier, logged)
         found = answer(job)
     early = -found.fits.reported.by_name.get(INPUT, 0.0)
     if early > 0.0 and not _explains(found, job.thresholds):
         job.progress("a filter of the logged input")
-        lagging = with_log_lag(*balance, amplifier, early)
+        lagging = balance.with_log_lag(amplifier, early)
         unfiltered = _with_amplifier(lagging, logged)
         other = found
         if lagging.log_lag:
@@ -182,7 +177,7 @@ def _answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
                 other = answer(unfiltered)
         if _is_likelier(other, found):
             job, found, amplifier = unfiltered, other, lagging
-            changes.append(log_lag_changes(*balance, lagging))
+            changes.append(balance.log_lag_changes(lagging))
     estimate = found.estimate
     for change in changes:
         moved = estimate.values * [change.get(name, 0.0) for name in estimate.names]

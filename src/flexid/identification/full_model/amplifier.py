@@ -9,7 +9,7 @@ all others, so least squares shows which values suit the log. Without correction
 of the range makes the gain 8 % and the ratio of inertias up to 13 % wrong.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import comb, sqrt
@@ -73,72 +73,8 @@ def _white_noise(values: FloatArray) -> float:
     return float(np.median(np.abs(np.diff(values, 4)))) / (_NORMAL * sqrt(comb(8, 4)))
 
 
-def amplifier_of(structure: Structure, data: Data, *, is_voltage: bool) -> Amplifier:
-    """Return the amplifier with the limit that a log shows, and for a voltage also the dead zone.
-
-    For a current or a torque, a dead zone is indistinguishable from friction. Both may be commanded
-    values, so they may have a limit.
-    """
-    driven = _Driven(structure, data)
-    if not driven.is_enough:
-        return IDEAL
-
-    corrections: dict[Literal["dead_zone", "limit"], tuple[float, float]] = {"limit": _LIMITS}
-    if is_voltage:
-        corrections = {"dead_zone": (0.0, _LARGEST_DEAD_ZONE), **corrections}
-    found, left = IDEAL, driven.misfits(IDEAL)
-    before = None
-    while found != before:  # each is visible and correct only together with the other
-        before = found
-        for field, ends in corrections.items():
-            best = driven.best(found, field, ends)
-            remaining = driven.misfits(best)
-            saved = _LEAST_SAVED if getattr(found, field) == getattr(IDEAL, field) else _REFINED
-            if _is_crossed(data, best) and np.all(remaining < (1.0 - saved) * left):
-                if field == "limit" and np.any(remaining > (1.0 - saved) * driven.sharpened(found)):
-                    continue
-                found, left = best, remaining
-    return found
-
-
-def with_log_lag(
-    structure: Structure, data: Data, amplifier: Amplifier, likely: float
-) -> Amplifier:
-    """Return the amplifier with the log's filter of best fit, searched from `likely` in s."""
-    driven = _Driven(structure, data)
-    if not driven.is_enough:
-        return amplifier
-    return replace(amplifier, log_lag=driven.best_log_lag(amplifier, likely))
-
-
-def limit_changes(structure: Structure, data: Data, amplifier: Amplifier) -> dict[str, float]:
-    """Return signed relative standard deviations of coefficients from the limit's uncertainty.
-
-    That uncertainty is the difference of the best limits with either filter.
-    """
-    if amplifier.limit is None:
-        return {}
-    driven = _Driven(structure, data)
-    limits = [driven.best(amplifier, "limit", _LIMITS, (rate,)).limit or 0.0 for rate in _RATES]
-    spread = max(abs(limits[1] - limits[0]) / sqrt(2.0), _TOLERANCE * driven.largest)
-    return driven.changes(
-        replace(amplifier, limit=amplifier.limit + half) for half in (0.5 * spread, -0.5 * spread)
-    )
-
-
-def log_lag_changes(structure: Structure, data: Data, amplifier: Amplifier) -> dict[str, float]:
-    """Return signed relative standard deviations of coefficients from the log lag's uncertainty."""
-    driven = _Driven(structure, data)
-    one, other = (driven.best_log_lag(amplifier, amplifier.log_lag, (rate,)) for rate in _RATES)
-    spread = max(abs(one - other) / sqrt(2.0), _LEAST_SPREAD * amplifier.log_lag)
-    return driven.changes(
-        replace(amplifier, log_lag=amplifier.log_lag + half)
-        for half in (0.5 * spread, -0.5 * spread)
-    )
-
-
 @dataclass(frozen=True, eq=False)
-class _Driven:
+class DrivenBalance:
     """Least squares of the balance with the input, while the motor moves."""
 
     structure: Structure
@@ -158,6 +94,57 @@ class _Driven:
     def is_enough(self) -> bool:
         """Whether the motor moves in enough equations."""
         return all(np.count_nonzero(moves) >= _FEWEST for moves in self.moves.values())
+
+    def amplifier(self, *, is_voltage: bool) -> Amplifier:
+        """Return the amplifier with the limit of a log, and for a voltage also the dead zone.
+
+        For a current or a torque, a dead zone is indistinguishable from friction. Both may be
+        commanded values, so they may have a limit.
+        """
+        if not self.is_enough:
+            return IDEAL
+
+        corrections: dict[Literal["dead_zone", "limit"], tuple[float, float]] = {"limit": _LIMITS}
+        if is_voltage:
+            corrections = {"dead_zone": (0.0, _LARGEST_DEAD_ZONE), **corrections}
+        found, left = IDEAL, self.misfits(IDEAL)
+        before = None
+        while found != before:  # each is visible and correct only together with the other
+            before = found
+            for field, ends in corrections.items():
+                best = self.best(found, field, ends)
+                remaining = self.misfits(best)
+                saved = _LEAST_SAVED if getattr(found, field) == getattr(IDEAL, field) else _REFINED
+                if _is_crossed(self.data, best) and np.all(remaining < (1.0 - saved) * left):
+                    if field == "limit" and np.any(
+                        remaining > (1.0 - saved) * self.sharpened(found)
+                    ):
+                        continue
+                    found, left = best, remaining
+        return found
+
+    def with_log_lag(self, amplifier: Amplifier, likely: float) -> Amplifier:
+        """Return the amplifier with the log's filter of best fit, searched from `likely` in s."""
+        if not self.is_enough:
+            return amplifier
+        return replace(amplifier, log_lag=self.best_log_lag(amplifier, likely))
+
+    def limit_changes(self, amplifier: Amplifier) -> dict[str, float]:
+        """Return signed relative standard deviations of coefficients from the limit's uncertainty.
+
+        That uncertainty is the difference of the best limits with either filter.
+        """
+        if amplifier.limit is None:
+            return {}
+        limits = [self.best(amplifier, "limit", _LIMITS, (rate,)).limit or 0.0 for rate in _RATES]
+        spread = max(abs(limits[1] - limits[0]) / sqrt(2.0), _TOLERANCE * self.largest)
+        return self.changes(amplifier, "limit", spread)
+
+    def log_lag_changes(self, amplifier: Amplifier) -> dict[str, float]:
+        """Return signed relative standard deviations from the log lag's uncertainty."""
+        one, other = (self.best_log_lag(amplifier, amplifier.log_lag, (rate,)) for rate in _RATES)
+        spread = max(abs(one - other) / sqrt(2.0), _LEAST_SPREAD * amplifier.log_lag)
+        return self.changes(amplifier, "log_lag", spread)
 
     def best(
         self,
@@ -204,9 +191,15 @@ class _Driven:
         found: Any = minimize(left, around[0], method="Nelder-Mead", options=options)
         return max(float(found.x[0]), 0.0)
 
-    def changes(self, of_two: Iterable[Amplifier]) -> dict[str, float]:
-        """Return logarithms of the ratios of the coefficients with two amplifiers."""
-        one, other = (self.coefficients(amplifier, max(_RATES)) for amplifier in of_two)
+    def changes(
+        self, amplifier: Amplifier, field: Literal["limit", "log_lag"], spread: float
+    ) -> dict[str, float]:
+        """Return logarithms of the coefficients' ratios between both ends of a field's spread."""
+        middle = getattr(amplifier, field)
+        one, other = (
+            self.coefficients(replace(amplifier, **{field: middle + half}), max(_RATES))
+            for half in (0.5 * spread, -0.5 * spread)
+        )
         return {
             name: float(np.log(value / other[name]))
             for name, value in one.items()
