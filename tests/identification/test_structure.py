@@ -16,7 +16,7 @@ import flexid.identification.structure.elimination as elimination
 import flexid.identification.structure.job as job
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.fits_by_length import FitsByLength, explains
-from flexid.identification.full_model.model import Fitted, Structure
+from flexid.identification.full_model.model import LINK, Fitted, Structure
 from flexid.identification.structure.elimination import best_length, eliminate
 from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
@@ -195,6 +195,15 @@ def test_of_two_that_cannot_be_told_apart_the_less_usual_goes():
         values = np.array([100.0, 300.0, 3.0, 0.5, 0.5])
         (usual,) = {*pair} - JOINT.shapes
         assert left(_Quadratic((*BASE, *pair), values, information)) == {usual}
+
+
+def test_of_a_late_encoder_and_friction_the_delay_goes():
+    """Assert that friction stays, though the delay that looks like it is more significant."""
+    either = {LINK: 2.2, "theta_viscous": 1.6}
+    delayed = beside(either, -0.95, sought=(LINK,))
+    structure, _ = eliminate(cast(Fitted, delayed), (), LIMITS)
+    assert structure.timing.sought == ()
+    assert "theta_viscous" not in structure.absent
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -428,9 +437,8 @@ def test_what_held_out_data_may_prefer(monkeypatch, case):
     monkeypatch.setattr(
         elimination, "fit_like", lambda one, _: SimpleNamespace(name=names[one.absent])
     )
-    monkeypatch.setattr(elimination, "settled", lambda one: one.name)
-    rivals = elimination._rivals(fitted, given["generous"], found, given["kept"], THRESHOLDS)
-    assert [*rivals] == expected
+    rivals: Any = elimination._rivals(fitted, given["generous"], found, given["kept"], THRESHOLDS)
+    assert [rival.name for rival in rivals] == expected
 
 
 @pytest.mark.parametrize(
@@ -445,6 +453,7 @@ def test_a_rival_has_to_predict_far_better(monkeypatch, errors, taken):
     choice: Any = elimination.Choice(USUAL, UNUSUAL, fits[0], (), (), cast(Any, None), (*fits[1:],))
     monkeypatch.setattr(job, "validate", lambda fitted, *_: fitted)
     monkeypatch.setattr(job, "misprediction", lambda fitted: fitted.error)
+    monkeypatch.setattr(job, "settled", lambda fitted: fitted)
     recordings = SimpleNamespace(starts=())
     own: Any = SimpleNamespace(recordings=recordings, whole=None, thresholds=THRESHOLDS)
     best, validation = job._preferred(choice, own)

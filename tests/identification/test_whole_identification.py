@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 from made_joint import COEFFICIENTS, SAMPLE_TIME, TRUTH, log, made, recording
 
+import flexid.identification.estimation.answers as answers
+import flexid.identification.identify as identify_module
+from flexid.errors import ConvergenceError
 from flexid.identification.estimation.final_fits import FinalFits
+from flexid.identification.estimation.inputs import answer_with_amplifier
 from flexid.identification.identify import identify
 from flexid.identification.preparation.recordings import IDEAL
 from flexid.identification.preparation.settings import Settings
@@ -161,6 +165,60 @@ def test_what_is_known_shifts_and_bounds(clean, alone):
     bounded = identify([clean], replace(SETTINGS, bounds={"alpha2": (least, 2.0)}))
     alpha2 = bounded.coefficients["alpha2"]
     assert (alpha2.value, alpha2.std, alpha2.reason) == (least, 0.0, "at its bound")
+
+
+STIFF = made(1, 3.0, joint_stiffness=1e6)  # the encoders hardly show its deflection
+
+
+def test_a_joint_too_stiff_for_its_log_is_taken_as_rigid():
+    """Assert that motor and link together are determined if a flexible joint is not."""
+    stiff = log(STIFF)
+    result = identify([stiff])
+    assert result.model == "rigid"
+    assert any("the drive was taken as rigid" in warning for warning in result.warnings)
+    assert result.parameters["inertia"].value == pytest.approx(1.3, rel=1e-3)
+    assert result.parameters["gravity_torque"].value == pytest.approx(5.0, rel=1e-3)
+    assert {value.verdict for value in result.parameters.values()} == {"determined"}
+    assert result.provenance["settings"]["model"] == "auto"
+
+
+@pytest.mark.parametrize(
+    ("asked", "rigid"),
+    [
+        (Settings(), True),
+        (Settings(model="flexible"), False),
+        (Settings(terms=TERMS), False),
+        (Settings(known={"motor_inertia": 0.3}), False),
+        (Settings(bounds={"joint_stiffness": (0.0, 1e7)}), False),
+    ],
+)
+def test_a_joint_that_cannot_be_fitted_is_rigid_unless_something_is_asked(
+    monkeypatch, asked, rigid
+):
+    """Assert that a rigid joint is fitted if the flexible one fails and the user asked nothing."""
+
+    def fails(job: Any) -> Any:
+        if job.joint.kind == "flexible":
+            raise ConvergenceError("prediction error", "no start")
+        return answer_with_amplifier(job)
+
+    monkeypatch.setattr(identify_module, "answer_with_amplifier", fails)
+    if rigid:
+        assert identify([log(STIFF)], asked).model == "rigid"
+        return
+    with pytest.raises(ConvergenceError, match="no start"):
+        identify([log(STIFF)], asked)
+
+
+def test_a_search_beyond_its_budget_ends_in_a_fit_with_disturbances(monkeypatch, clean):
+    """Assert that a search that takes too long ends with determined values all the same."""
+    monkeypatch.setattr(answers, "_MOST_PASSES", 20)
+    result = identify([clean])
+    assert result.disturbances is not None
+    for name in ("link_inertia", "motor_inertia", "joint_stiffness"):
+        found = result.parameters[name]
+        assert found.verdict == "determined"
+        assert found.interval[0] < TRUTH[name] < found.interval[1]
 
 
 def test_one_encoder_gives_the_rigid_joint():

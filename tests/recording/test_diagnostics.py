@@ -1,6 +1,7 @@
 """Faulty logs of a known joint: each fault alone is named."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from flexid.library.logs import read_log
 from flexid.recording import Log
 from flexid.recording.recording import Rank, rank_of
 from flexid.recording.slow_motion import late_input
+from flexid.recording.velocities import is_noise
 
 STEP = 2e-3  # s
 COUNT = 6000
@@ -228,3 +230,22 @@ def test_a_deflection_of_noise_alone_is_a_rigid_joint():
     recordings, warnings = prepare([changed()], 0.3)
     assert recordings.recorded[0].link_position is not None
     assert warnings == ()
+
+
+@pytest.mark.parametrize(("deflection", "rigid"), [(0.1, True), (0.5, False)])
+def test_a_deflection_below_an_encoder_step_is_a_rigid_joint(deflection, rigid):
+    """Assert that single steps of coarse encoders are no deflection, unless a sensor measured it.
+
+    The deflection is given in steps.
+    """
+    step = 0.02
+    bent = deflection * step * np.sin(3.0 * CLEAN[TORQUE] / np.abs(CLEAN[TORQUE]).max())
+    motor, link = (np.round(each / step) * step for each in (CLEAN[MOTOR] + bent, CLEAN[MOTOR]))
+    coarse = changed(link=lambda _: link, motor=lambda _: motor)
+    assert not is_noise(motor - link)
+    recordings, warnings = prepare([coarse], 0.3)
+    assert (recordings.recorded[0].link_position is None) == rigid
+    assert len(warnings) == rigid
+    measured = [replace(own, link_from_deflection=True) for own in coarse.recordings]
+    (kept,) = prepare([replace(coarse, recordings=tuple(measured))], 0.3)[0].recorded
+    assert kept.link_position is not None

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
+from flexid.estimators.budget import Shares
 from flexid.recording.recording import Recording
 from flexid.recording.velocities import position_noise, velocity
 
@@ -313,11 +314,21 @@ def in_threads(
 def side_by_side(of: Callable[[A], B], each: Iterable[A], threads: int | None = None) -> list[B]:
     """Return a function's results in order, computed in `threads` threads or on all cores."""
     every = [*each]
+    shares = Shares(len(every))
+
+    def run(place: int) -> B:
+        with shares.of(place):
+            return of(every[place])
+
     threads = min(threads or cores(), len(every))
+    places = range(len(every))
     if threads < 2:
-        return [*map(of, every)]
-    with ThreadPoolExecutor(threads) as pool:
-        return [*pool.map(of, every)]
+        found = [*map(run, places)]
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            found = [*pool.map(run, places)]
+    shares.settle()
+    return found
 
 
 def cores() -> int:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
+from flexid.estimators.budget import spend
 from flexid.estimators.channel_timing import INPUT, ChannelTiming, Timing
 from flexid.estimators.cluster_covariance import Clusters, block_duration
 from flexid.estimators.normal_equations import Reduced, solve_arrow
@@ -30,6 +31,7 @@ _WEAK = 100.0  # information over the prior's, below which an initial velocity g
 _WEAK_OBSERVED = 1e-6  # the same ratio if an observer corrects the velocity from the start
 _LINEARISED = 40  # number of states over which a linearisation is averaged
 _NOT_ESTIMATED = -1
+_WITHOUT_DERIVATIVES = 0.3  # duration of a run without derivatives over that of one with them
 RESTING = 2.0  # marks a resting row in place of a direction of motion
 
 By = Literal["everything", "states", "nothing"]
@@ -253,7 +255,12 @@ class SegmentedMotion:
         return self._channels.on_time(self.delays(values))
 
     def equations(self, point: Point, by: By = "everything") -> Equations:
-        """Run the model from a point and assemble the normal equations."""
+        """Run the model from a point and assemble the normal equations.
+
+        Raises `BudgetError` if a search has run the model over too many samples.
+        """
+        effort = _WITHOUT_DERIVATIVES if by == "nothing" else 1.0
+        spend(effort * self.substeps * float(self.segments.lengths.sum()))
         wanted = self._wanted if by == "everything" else self._wanted[:0]
         columns, late_columns, size = self._columns(wanted, by)
         normal, gradient, residuals, costs = self._run(point, columns, late_columns, size)

@@ -4,7 +4,6 @@ The steps are recordings, full model, structure, estimate, judgement and result.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -12,10 +11,12 @@ import numpy as np
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
-from flexid.identification.estimation.answers import Answer, answer
+from flexid.identification.estimation.answers import Answer
 from flexid.identification.estimation.excitations import row_excitation, row_sizes
 from flexid.identification.estimation.final_fits import FinalFits
+from flexid.identification.estimation.inputs import answer_with_amplifier
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
+from flexid.identification.estimation.neglected_deflection import with_neglected_deflection
 from flexid.identification.full_model.model import LINK
 from flexid.identification.judgement import (
     coefficient_estimates,
@@ -26,8 +27,9 @@ from flexid.identification.judgement import (
     parameter_estimates,
     widest,
 )
-from flexid.identification.preparation.recordings import IDEAL, Alignment, Amplifier, Delay, prepare
-from flexid.identification.preparation.settings import Settings
+from flexid.identification.preparation.joint import Kind
+from flexid.identification.preparation.recordings import Alignment, Delay, prepare
+from flexid.identification.preparation.settings import Auto, Settings
 from flexid.identification.result import (
     Choices,
     Identification,
@@ -42,7 +44,6 @@ from flexid.identification.result import (
     validation_warnings,
 )
 from flexid.identification.structure.elimination import Choice
-from flexid.identification.structure.gap import CHANCE
 from flexid.identification.structure.job import Job, job_of
 from flexid.identification.structure.link_delay import confused_covariance, in_doubt, skew
 from flexid.identification.structure.shapes import sought_constants
@@ -53,16 +54,27 @@ from flexid.identification.vocabulary.evidence import (
     TermEvidence,
     Validation,
     ValueEstimate,
+    Verdict,
     interval,
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
-from flexid.models.flexible_joint import SMOOTHING
+from flexid.models.flexible_joint import POSITIVE, SMOOTHING
 from flexid.models.motion import unit_of
 from flexid.models.physical import Directional, Sum
-from flexid.recording.recording import Log, Rank, cautions, ranked
+from flexid.recording.recording import Caution, Log, Rank, cautions, rank_of, ranked
 from flexid.recording.slow_motion import late_input
 
-_CLEAR_GAIN = 0.1  # least relative fall of an exact fit's excess for a corrected input
+_TAKEN_AS_RIGID = (
+    "the log determines neither an inertia nor the stiffness of a flexible joint, so the drive was "
+    "taken as rigid: its inertia and friction are those of motor and link together; excite the "
+    "resonance harder, use finer encoders, or see the flexible joint with `--model flexible`"
+)
+_TAKEN_AS_RIGID = Caution(
+    "the log determines neither an inertia nor the stiffness of a flexible joint, so the drive was "
+    "taken as rigid: inertia and friction are those of motor and link together; excite the "
+    "resonance, use finer encoders, or see what little is known with `--model flexible`",
+    Rank.MOTION,
+)
 _NOT_CONVERGED = (
     "the fit does not converge, so the value is unknown: identify a part of the log, "
     "or fewer terms with `--terms`"
@@ -82,9 +94,50 @@ def identify(
     fitted to all data for the report.
     """
     settings = settings or Settings()
-    recordings, dropped = prepare(logs, settings.validation_share, settings.model)
-    job = job_of(recordings, settings, progress, thresholds)
-    job, found, amplifier = _answer_with_amplifier(job)
+
+    def identified(model: Kind | Auto, problems: Sequence[str] = ()) -> Identification:
+        recordings, dropped = prepare(logs, settings.validation_share, model)
+        job = job_of(recordings, settings, progress, thresholds)
+        return _identified(job, logs, (*dropped, *problems))
+
+    try:
+        found = identified(settings.model)
+    except ConvergenceError:
+        if not _may_be_rigid(settings, logs):
+            raise
+        found, problems = None, []
+    else:
+        if not _may_be_rigid(settings, logs) or "determined" in _verdicts(found):
+            return found
+        problems = [text for text in found.warnings if rank_of(text) == Rank.SCALE]
+    progress("a rigid drive")
+    rigid = identified("rigid", (_TAKEN_AS_RIGID, *problems))
+    return rigid if found is None or _verdicts(rigid) != {"undetermined"} else found
+
+
+def _may_be_rigid(settings: Settings, logs: Sequence[Log]) -> bool:
+    """Whether a flexible joint may be taken as rigid, since the user asked nothing else."""
+    is_free = settings.model == settings.terms == "auto" and not (settings.known or settings.bounds)
+    return is_free and all(
+        r.link_position is not None and r.input is not None and not r.clamped
+        for log in logs
+        for r in log.recordings
+    )
+
+
+def _verdicts(found: Identification) -> set[Verdict]:
+    """Return the verdicts on inertias and stiffness, their ratios and the sum of the inertias."""
+    every = {**found.coefficients, **found.parameters}
+    return {every[name].verdict for name in every.keys() & {*POSITIVE, "total_inertia"}}
+
+
+def _identified(job: Job, logs: Sequence[Log], dropped: Sequence[str]) -> Identification:
+    """Return the identification of a job; `dropped` are warnings about its recordings."""
+    settings, thresholds = job.settings, job.thresholds
+    job, found, amplifier = answer_with_amplifier(job)
+    if job.joint.kind == "rigid":
+        whole = [recording for log in logs for recording in log.recordings]
+        found = replace(found, estimate=with_neglected_deflection(found.estimate, whole))
     recordings = job.recordings
     fits, validation, choice = found.fits, found.validation, found.fits.choice
     numbers = _numbers(job, fits, found)
@@ -145,66 +198,6 @@ def _moving_channels(job: Job, validation: Validation) -> dict[str, float]:
     """Return the fits in per cent of the channels that are not clamped."""
     clamped = job.recordings.recorded[0].clamped
     return {name: fit for name, fit in validation.fit_percent.items() if name not in clamped}
-
-
-def _answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
-    """Return the job with the corrected input, its answer and the amplifier found.
-
-    A voltage is always checked for an amplifier. A torque or a current is checked only if the
-    terms alone leave more than noise.
-    """
-    is_voltage = job.input_unit == "V"
-    found = None if is_voltage else answer(job)
-    if found is not None and (not job.input_unit or _explains(found, job.thresholds)):
-        return job, found, IDEAL
-    # Imported late: a log whose terms explain it does not need this module.
-    from flexid.identification.full_model.amplifier import DrivenBalance
-
-    logged, balance = job, DrivenBalance(job.structure, job.training)
-    amplifier = balance.amplifier(is_voltage=is_voltage)
-    changes = [balance.limit_changes(amplifier)]
-    if found is None or amplifier.corrects:
-        job = _with_amplifier(amplifier, logged)
-        found = answer(job)
-    early = -found.fits.reported.by_name.get(INPUT, 0.0)
-    if early > 0.0 and not _explains(found, job.thresholds):
-        job.progress("a filter of the logged input")
-        lagging = balance.with_log_lag(amplifier, early)
-        unfiltered = _with_amplifier(lagging, logged)
-        other = found
-        if lagging.log_lag:
-            with suppress(ConvergenceError):
-                other = answer(unfiltered)
-        if _is_likelier(other, found):
-            job, found, amplifier = unfiltered, other, lagging
-            changes.append(balance.log_lag_changes(lagging))
-    estimate = found.estimate
-    for change in changes:
-        moved = estimate.values * [change.get(name, 0.0) for name in estimate.names]
-        estimate = estimate.widened(np.outer(moved, moved))
-    return job, replace(found, estimate=estimate), amplifier
-
-
-def _with_amplifier(amplifier: Amplifier, job: Job) -> Job:
-    """Return the job with the amplifier's output as its input."""
-    return replace(job, recordings=amplifier.split_behind(job.recordings))
-
-
-def _is_likelier(other: Answer, found: Answer) -> bool:
-    """Whether the other input explains the same data clearly better than the input of `found`."""
-    one, two = other.disturbances, found.disturbances
-    if (one is None) != (two is None):
-        return one is None
-    if one is None or two is None:
-        return other.fits.reported.excess < (1.0 - _CLEAR_GAIN) * found.fits.reported.excess
-    is_same = (one.sample_time, other.fits.retreat) == (two.sample_time, found.fits.retreat)
-    return is_same and other.cost < found.cost - CHANCE
-
-
-def _explains(found: Answer, thresholds: Thresholds) -> bool:
-    """Whether the terms alone leave residuals no larger than noise."""
-    fitted = found.fits.reported
-    return found.disturbances is None and fitted.excess <= thresholds.sensor_excess
 
 
 class _Numbers(NamedTuple):

@@ -7,6 +7,7 @@ inertias, stiffness and gravity better is reported.
 """
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
+from flexid.estimators.budget import BudgetError, within
 from flexid.estimators.prediction_error import NEARLY_NOISE
 from flexid.identification.estimation.doubts import (
     DOUBTS,
@@ -68,6 +70,10 @@ if TYPE_CHECKING:
 PREDICTED = 25.0  # least per cent of the deflection that a spring predicts; noise alone gives 0
 UNEXPLAINED = 0.1  # share of a balance's acceleration; with less unexplained, the spring is real
 OF_A_LENGTH = "segments of other lengths give other values"
+# Most passes over a log, in single integration steps, to search for an exact fit; trials took up to
+# 880. More are needed if the model does not explain the log, or if the joint is so stiff that a
+# sample needs many steps and many minima are alike.
+_MOST_PASSES = 1500
 _BY_DELAY = "all of which is a delay between the encoders"
 _BY_DISTURBANCES = "the input is low-passed to the joint's band, where all holds are alike"
 
@@ -91,39 +97,54 @@ class Answer:
 
 def answer(job: Job) -> Answer:
     """Return the exact fit or the fit with disturbances, whichever determines more."""
+    if job.exact:
+        choice, validation = predicting(job)
+        return _exact(job, _fits_to_all(job, choice, fallback=True), validation)
     try:
-        chosen = predicting(job)
-    except ConvergenceError:
-        if job.exact:
-            raise
+        with within(_MOST_PASSES * job.training.count):
+            choice, validation = predicting(job)
+            fits, exact = _exact_fits(job, choice), None
+    except (ConvergenceError, BudgetError):
         return _disturbed(job)
-    exact = _reportable_exact(job, chosen)
-    if exact is not None and (final := _final_exact(job, exact)):
-        return final
+    if fits is not None and _may_be_reported(fits.reported, job):
+        exact = _exact(job, fits, validation)
+        if final := _final_exact(job, exact):
+            return final
     nearly = exact if exact and nearly_explains(exact.fits.reported, job.thresholds) else None
     well_known = 0.5 * job.thresholds.noted_width  # two deviations are half an interval
     if nearly and _core_width(nearly) <= well_known:
         return _judged(nearly, nearly.fits.choice.fitted, job)
     disturbed = _disturbed_or_none(job)
     if disturbed is None:
-        return exact or _exact(job, chosen, fallback=True)
+        return exact or _exact(job, fits or _fits_to_all(job, choice, fallback=True), validation)
     if nearly and _core_width(nearly) <= _core_width(disturbed):
         return _judged(nearly, nearly.fits.choice.fitted, job)
     return disturbed
 
 
-def _reportable_exact(job: Job, chosen: tuple[Choice, Validation]) -> Answer | None:
-    """Return the exact fit; None if it leaves too much to be reported, or does not converge."""
-    fitted, thresholds = chosen[0].fitted, job.thresholds
-    if not (job.exact or is_acceptable(fitted, thresholds)):
+def _exact_fits(job: Job, choice: Choice) -> FinalFits | None:
+    """Return the exact fits to all data; None if they leave too much, or do not converge."""
+    if not is_acceptable(choice.fitted, job.thresholds):
         return None
-    fallback = job.exact or _explains(fitted, job)
+    fallback = _explains(choice.fitted, job)
     try:
-        return _exact(job, chosen, fallback=fallback)
+        return _fits_to_all(job, choice, fallback=fallback)
     except ConvergenceError:
         if fallback:
             raise
         return None
+
+
+def _fits_to_all(job: Job, choice: Choice, *, fallback: bool) -> FinalFits:
+    """Return the exact fits to all data; see `final_fits`."""
+    job.progress("fit to all data")
+    rest = job.settings.filter_rate, job.thresholds
+    return final_fits(choice, job.whole, job.recordings, *rest, fallback=fallback)
+
+
+def _may_be_reported(fitted: Fitted, job: Job) -> bool:
+    """Whether an exact fit to all data explains the log, or nearly."""
+    return _explains(fitted, job) or nearly_explains(fitted, job.thresholds)
 
 
 def _explains(fitted: Fitted, job: Job) -> bool:
@@ -135,9 +156,9 @@ def _final_exact(job: Job, exact: Answer) -> Answer | None:
     """Return the exact fit if it is final; None if a fit with disturbances may determine more."""
     reported = exact.fits.reported
     # Disturbances would hide that the log contradicts a bound; the exact fit shows it.
-    if job.exact or reported.at_bound:
+    if reported.at_bound:
         return exact
-    if reported.excess > job.thresholds.sensor_excess:
+    if reported.excess > job.thresholds.sensor_excess or not reported.converged:
         return None
     doubts = _delay_doubts(job, job.whole, entirely=True)
     return replace(exact, doubts=doubts, prediction=_BY_DELAY) if doubts else exact
@@ -151,20 +172,17 @@ def _core_width(found: Answer) -> float:
     return float(np.exp(np.mean(np.log(np.maximum(widths, np.finfo(float).tiny)))))
 
 
-def _exact(job: Job, chosen: tuple[Choice, Validation], *, fallback: bool) -> Answer:
-    """Return the answer of the exact fit, which assumes sensor noise alone."""
-    choice, validation = chosen
-    job.progress("fit to all data")
-    rate, thresholds = job.settings.filter_rate, job.thresholds
-    rest = rate, thresholds
-    fits = final_fits(choice, job.whole, job.recordings, *rest, fallback=fallback)
+def _exact(job: Job, fits: FinalFits, validation: Validation) -> Answer:
+    """Return the answer of the exact fits, which assume sensor noise alone."""
+    choice, thresholds = fits.choice, job.thresholds
     if hardly_known(fits.reported, thresholds):
         job.progress("trying each term's absence")
         leaner, gone = one_by_one(fits.reported, job.kept, thresholds)
         if gone and (fitted := fit_like(leaner.structure, choice.fitted)):
             terms = latest(choice.terms, gone)
             choice = replace(choice, structure=leaner.structure, fitted=fitted, terms=terms)
-            fits = final_fits(choice, job.whole, job.recordings, *rest, fallback=fallback)
+            with suppress(ConvergenceError):
+                fits = _fits_to_all(job, choice, fallback=False)
     job.progress("removed terms")
     estimate = with_doubts(fits, job.delay_in_doubt, thresholds)
     doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (job.input_unit == "V")
@@ -255,15 +273,15 @@ def _judged(found: Answer, fitted: Fitted, job: Job) -> Answer:
     if not doubted:
         return found
     what = "joint" if doubted == POSITIVE else balance_of(min(doubted))
-    doubt = weak_spring(f"this {what}", f"{period:.2g} s, a period", share, _whole_drive(job))
+    doubt = weak_spring(f"this {what}", f"{period:.2g} s, a period", share)
     return replace(found, doubts=(doubt,), doubted=frozenset(doubted))
 
 
-def weak_spring(what: str, period: str, share: str, otherwise: str = "") -> Caution:
+def weak_spring(what: str, period: str, share: str) -> Caution:
     """Return the warning about a spring that predicts too little of the deflection."""
     return Caution(
         f"effects outside the model move {what}: over {period} of the resonance, its spring "
-        f"predicts {share} of the deflection; look for other axes, loads and backlash{otherwise}",
+        f"predicts {share} of the deflection; look for other axes, loads and backlash",
         Rank.MODEL,
     )
 
@@ -292,17 +310,10 @@ def _delay_doubts(job: Job, data: Data, *, entirely: bool) -> tuple[Caution, ...
         Caution(
             f"{100.0 * found.explained:.0f} % of the deflection is a delay of "
             f"{1e3 * abs(found.delay):.2g} ms between the encoders, and no spring: align their "
-            f"clocks, then excite the joint harder{_whole_drive(job)}",
+            f"clocks, then excite the joint harder",
             Rank.SCALE,
         ),
     )
-
-
-def _whole_drive(job: Job) -> str:
-    """Return the advice to fit a rigid joint, if the log has an input."""
-    if job.joint.kind == "link":
-        return ""
-    return "; `--model rigid` reports the inertia and friction of the whole drive"
 
 
 def _without_observer(fitted: Fitted, data: Data) -> Fitted:

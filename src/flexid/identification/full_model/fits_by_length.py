@@ -119,15 +119,17 @@ def fit_full_model(
     divisions = lengths(data, *durations)
     progress("the full model")
     found = first_fits(base.with_hold(holds[0]), data, divisions, insist=not exact)
+    known = None  # what is known of the holds
     if found[-1].excess > thresholds.sensor_excess:
-        best, *_ = best_hold(found[-1], holds, thresholds)
-        found = ending_with(best, found, divisions)
+        known = best_hold(found[-1], holds, thresholds)
+        found = ending_with(known[0], found, divisions)
     progress("the full model over longer segments")
     if len(found[-1].problem.segments) == len(short(divisions)[-1]):
-        found = found + _longer(found[-1], divisions, thresholds, exact=exact)
+        longer = _longer(found[-1], divisions, thresholds, exact=exact)
+        known, found = (None if longer else known), found + longer
     if len(holds) > 1:
         progress("how the input runs between its samples")
-    held = with_best_hold(found, divisions, holds, not durations, thresholds)
+    held = with_best_hold(found, divisions, holds, not durations, thresholds, known)
     return replace(held, exact=exact)
 
 
@@ -250,14 +252,15 @@ def with_best_hold(
     holds: Sequence[Hold],
     free_length: bool,
     thresholds: Thresholds,
+    known: tuple[Fitted, str, tuple[Hold, ...]] | None = None,
 ) -> FitsByLength:
-    """Return fits with the best hold, over the same segments."""
+    """Return fits with the best hold, over the same segments; `known` is `best_hold` of these."""
     if len(holds) == 1:
         refined = with_steps_refined(found)
         return FitsByLength(refined, tuple(divisions), free_length, tuple(holds), "as given")
-    best, reason, tied = best_hold(found[-1], holds, thresholds)
+    best, reason, tied = known or best_hold(found[-1], holds, thresholds)
     # If a model explains the log, only its longest segments matter.
-    explained = best.excess <= thresholds.sensor_excess
+    explained = best.converged and best.excess <= thresholds.sensor_excess
     found = [best] if explained and best is not found[-1] else ending_with(best, found, divisions)
     refined = with_steps_refined(found)
     return FitsByLength(refined, tuple(divisions), free_length, tuple(holds), reason, tied)

@@ -310,29 +310,40 @@ def _fits_from_starts(
     schedule: _Schedule,
     should_continue: Callable[[Fitted], bool],
 ) -> Iterator[list[Fitted]]:
-    """Yield the fits from each start that passes the schedule's first division."""
+    """Yield the fits from each start that passes the schedule's first division.
+
+    From a minimum over that division which an earlier start has reached too, its fits are yielded.
+    """
     divisions, before = schedule.divisions, schedule.finer
     first = in_part(divisions[0])
 
-    def fits_from(start: Mapping[str, float]) -> list[Fitted]:
+    def fits_from(start: Mapping[str, float], known: Sequence[list[Fitted]] = ()) -> list[Fitted]:
+        reached: list[list[Fitted]] = []  # known fits from the same minimum
+
+        def goes_on(fitted: Fitted) -> bool:
+            reached.extend(own for own in known if _is_same(own[0], fitted))
+            return should_continue(fitted) and not reached
+
         try:
             if first is not divisions[0]:
                 some = fit_by_length(structure, data, start, [first], steps=FIRST_STEPS)
                 start = some[0].by_name
-            return fit_by_length(
-                structure,
-                data,
-                start,
-                divisions,
-                steps=FIRST_STEPS,
-                should_continue=should_continue,
+            found = fit_by_length(
+                structure, data, start, divisions, steps=FIRST_STEPS, should_continue=goes_on
             )
         except ConvergenceError:
             return []
+        return reached[0] if reached else found
 
-    at_once = islice(candidates, schedule.together)
+    def series() -> Iterator[list[Fitted]]:
+        every = side_by_side(fits_from, islice(candidates, schedule.together))
+        yield from every
+        for start in candidates:
+            every.append(fits_from(start, [*filter(None, every)]))
+            yield every[-1]
+
     stuck: list[Fitted] = []  # fits of a start that does not pass the first division
-    for found in chain(side_by_side(fits_from, at_once), map(fits_from, candidates)):
+    for found in series():
         reached = [f for f in found if len(f.problem.segments) <= len(divisions[before])]
         if reached:
             yield reached
@@ -340,6 +351,13 @@ def _fits_from_starts(
             return
         elif found:
             stuck = found
+
+
+def _is_same(one: Fitted, other: Fitted) -> bool:
+    """Whether two fits over the same segments have the same values, within their deviations."""
+    if len(one.problem.segments) != len(other.problem.segments):
+        return False
+    return bool(np.all(np.abs(one.values - other.values) <= one.unit_deviations))
 
 
 def _same_minimum(one: Sequence[Fitted], other: Sequence[Fitted]) -> bool:

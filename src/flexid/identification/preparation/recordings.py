@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import ceil, floor
+from math import ceil, floor, hypot
 from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
@@ -15,7 +15,7 @@ from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.settings import Auto
 from flexid.models.motion import JointType, unit_of
 from flexid.recording.recording import Caution, Hold, Log, Rank, Recording
-from flexid.recording.velocities import is_noise, while_moving, with_velocities
+from flexid.recording.velocities import is_noise, position_noise, while_moving, with_velocities
 
 _FEWEST_TRAINING_SAMPLES = 50
 _FEWEST_HELD_OUT_SAMPLES = 10
@@ -142,22 +142,29 @@ def prepare(
 def _visible_model(model: Kind | Auto, logs: Sequence[Log]) -> tuple[Kind | Auto, list[str]]:
     """Return the model and warnings; the rigid joint if the deflection is only noise."""
     recordings = [recording for log in logs for recording in log.recordings]
-    if model != "auto" or not all(
-        r.link_position is not None
-        and r.input is not None
-        and is_noise(r.deflection)
-        and not is_noise(r.motor_position)
-        for r in recordings
-    ):
+    if model != "auto" or not all(map(_shows_no_deflection, recordings)):
         return model, []
     off = max(float(recording.deflection.std()) for recording in recordings)
     reason = (
-        f"{logs[0].source}: link and motor position differ by white noise of {off:.2g} "
+        f"{logs[0].source}: link and motor position differ by noise of {off:.2g} "
         f"{unit_of('rad', recordings[0].joint)} alone, "
         f"so the joint was taken as rigid: check that each encoder is connected to its own side, "
         f"or drive the joint harder"
     )
     return "rigid", [Caution(reason, Rank.SCALE)]
+
+
+def _shows_no_deflection(recording: Recording) -> bool:
+    """Whether link and motor move alike, but for noise or steps of their encoders."""
+    link, motor = recording.link_position, recording.motor_position
+    if link is None or recording.input is None or is_noise(motor):
+        return False
+    deflection = recording.deflection
+    if is_noise(deflection):
+        return True
+    # Of a small deflection, coarse encoders show single steps, which are no white noise.
+    noise = hypot(position_noise(link), position_noise(motor))
+    return not recording.link_from_deflection and float(deflection.std()) < noise
 
 
 def _while_moving(recording: Recording) -> Recording:

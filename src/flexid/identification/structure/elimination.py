@@ -24,7 +24,7 @@ from flexid.identification.full_model.fits_by_length import (
     is_acceptable,
 )
 from flexid.identification.full_model.fitting import ON_THE_WAY, fit_from, fit_like
-from flexid.identification.full_model.model import ROUGH, Fitted, Structure
+from flexid.identification.full_model.model import LINK, ROUGH, Fitted, Structure
 from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS, settled
 from flexid.identification.vocabulary import Progress
 from flexid.identification.vocabulary.evidence import Estimate, SegmentEvidence, TermEvidence
@@ -159,7 +159,7 @@ def _rivals(
     # Fits over other lengths have no bounds.
     if fitted.excess > thresholds.sensor_excess and not fitted.structure.bounds:
         rivals += [other for other in found if other.duration != fitted.duration]
-    return tuple(map(settled, rivals))
+    return tuple(rivals)
 
 
 def _without_negative_friction(fitted: Fitted, kept: Collection[str]) -> Fitted | None:
@@ -332,6 +332,8 @@ def eliminate(
     limits = np.array([asked.get(b, thresholds.term_chance) for b in base])
     frictions = np.array([b in DISSIPATIVE for b in base])
     delays = np.array([b in full.structure.timing.sought for b in base])
+    # A delay of the link's encoder looks like its friction, which every drive has.
+    unusual = {*joint.shapes, LINK}
     groups, may_go = _groups(full, kept)
     quadratic = _Quadratic.of(full)
     left = np.ones(len(names), dtype=np.bool_)
@@ -357,7 +359,7 @@ def eliminate(
             break
         gone = max(
             free or candidates,
-            key=lambda i: ((base[i] in joint.shapes) != usual_first, ratio[i], i),
+            key=lambda i: ((base[i] in unusual) != usual_first, ratio[i], i),
         )
         left[groups[gone]] = False
         left[[b == joint.nonlinear.get(base[gone]) for b in base]] = False

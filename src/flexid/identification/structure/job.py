@@ -29,6 +29,7 @@ from flexid.identification.structure.shapes import (
     fit_requested_shape,
     fit_with_shape,
     is_slack,
+    settled,
 )
 from flexid.identification.structure.validation import misprediction, validate
 from flexid.identification.vocabulary import Progress, silent
@@ -310,6 +311,9 @@ def _preferred(choice: Choice, job: Job) -> tuple[Choice, Validation]:
     limit = misprediction(chosen) - job.thresholds.generous_gain
     best = choice
     for rival in choice.rivals:
+        if misprediction(validate(rival, job.whole, starts)) >= limit:
+            continue
+        rival = settled(rival)
         other = validate(rival, job.whole, starts)
         if misprediction(other) < limit:
             limit, chosen = misprediction(other), other

@@ -1,0 +1,80 @@
+"""Choice between the logged input and one that is corrected for an amplifier or a filter."""
+
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from flexid.errors import ConvergenceError
+from flexid.estimators.channel_timing import INPUT
+from flexid.identification.estimation.answers import Answer, answer
+from flexid.identification.preparation.recordings import IDEAL, Amplifier
+from flexid.identification.structure.gap import CHANCE
+from flexid.identification.structure.job import Job
+from flexid.identification.vocabulary.thresholds import Thresholds
+
+_CLEAR_GAIN = 0.1  # least relative fall of an exact fit's excess for a corrected input
+# Least time in samples by which a motor acts before its filtered input. A filter of less differs
+# from a delay by 0.3 % of a motion that is sampled 20 times a period.
+_LEAST_EARLY = 0.25
+
+
+def answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
+    """Return the job with the corrected input, its answer and the amplifier found.
+
+    A voltage is always checked for an amplifier. A torque or a current is checked only if the
+    terms alone leave more than noise.
+    """
+    is_voltage = job.input_unit == "V"
+    found = None if is_voltage else answer(job)
+    if found is not None and (not job.input_unit or _explains(found, job.thresholds)):
+        return job, found, IDEAL
+    # Imported late: a log whose terms explain it does not need this module.
+    from flexid.identification.full_model.amplifier import DrivenBalance
+
+    logged, balance = job, DrivenBalance(job.structure, job.training)
+    amplifier = balance.amplifier(is_voltage=is_voltage)
+    changes = [balance.limit_changes(amplifier)]
+    if found is None or amplifier.corrects:
+        job = _with_amplifier(amplifier, logged)
+        found = answer(job)
+    early = -found.fits.reported.by_name.get(INPUT, 0.0)
+    sample_time = job.training.samples[0].sample_time
+    if early > _LEAST_EARLY * sample_time and not _explains(found, job.thresholds):
+        job.progress("a filter of the logged input")
+        lagging = balance.with_log_lag(amplifier, early)
+        unfiltered = _with_amplifier(lagging, logged)
+        other = found
+        if lagging.log_lag:
+            with suppress(ConvergenceError):
+                other = answer(unfiltered)
+        if _is_likelier(other, found):
+            job, found, amplifier = unfiltered, other, lagging
+            changes.append(balance.log_lag_changes(lagging))
+    estimate = found.estimate
+    for change in changes:
+        moved = estimate.values * [change.get(name, 0.0) for name in estimate.names]
+        estimate = estimate.widened(np.outer(moved, moved))
+    return job, replace(found, estimate=estimate), amplifier
+
+
+def _with_amplifier(amplifier: Amplifier, job: Job) -> Job:
+    """Return the job with the amplifier's output as its input."""
+    return replace(job, recordings=amplifier.split_behind(job.recordings))
+
+
+def _is_likelier(other: Answer, found: Answer) -> bool:
+    """Whether the other input explains the same data clearly better than the input of `found`."""
+    one, two = other.disturbances, found.disturbances
+    if (one is None) != (two is None):
+        return one is None
+    if one is None or two is None:
+        return other.fits.reported.excess < (1.0 - _CLEAR_GAIN) * found.fits.reported.excess
+    is_same = (one.sample_time, other.fits.retreat) == (two.sample_time, found.fits.retreat)
+    return is_same and other.cost < found.cost - CHANCE
+
+
+def _explains(found: Answer, thresholds: Thresholds) -> bool:
+    """Whether the terms alone leave residuals no larger than noise."""
+    fitted = found.fits.reported
+    return found.disturbances is None and fitted.excess <= thresholds.sensor_excess

@@ -1,0 +1,59 @@
+"""Doubt about a drive that was taken as rigid though its joint bends.
+
+Below its resonance a flexible joint has a larger inertia than motor and link together: the link of
+inertia J2 accelerates r times as much as the motor, with r above 1, so the motor moves J1 + r J2. A
+rigid joint takes this for the sum of both inertias. The log of both encoders shows r - 1, of which
+the share J2 / (J1 + J2) changes the inertia. This share is unknown, between 0 and 1.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.arrays import FloatArray
+from flexid.identification.vocabulary.evidence import Estimate
+from flexid.models.flexible_joint import RIGID_UNITS
+from flexid.recording.recording import Recording
+
+_BAND = 0.99  # share of the input's power in the band; above it are noise and steps of encoders
+_SPREAD = 1.0 / np.sqrt(3.0)  # root mean square of a uniform share between 0 and 1
+
+
+def with_neglected_deflection(estimate: Estimate, recordings: Iterable[Recording]) -> Estimate:
+    """Return a rigid joint's estimate with the doubt about its inertia.
+
+    All coefficients are divided by the inertia, so they change alike.
+    """
+    share = _SPREAD * excess_of_link(recordings)
+    base = [name.partition("[")[0] in RIGID_UNITS for name in estimate.names]
+    moved = share * np.where(base, estimate.values, 0.0)
+    return estimate.widened(np.outer(moved, moved))
+
+
+def excess_of_link(recordings: Iterable[Recording]) -> float:
+    """Return how much more the link accelerates than the motor, relative; 0 if not known.
+
+    Both are correlated with the input, which has no noise of the encoders.
+    """
+    more, motor = 0.0, 0.0
+    for recording in recordings:
+        if recording.link_position is None or recording.input is None:
+            continue
+        frequency = np.fft.rfftfreq(len(recording), recording.sample_time)
+        drive, moves, bends = (
+            _spectrum(channel)
+            for channel in (recording.input, recording.motor_position, recording.deflection)
+        )
+        power = np.cumsum(np.abs(drive) ** 2)
+        band = slice(1 + int(np.searchsorted(power, _BAND * power[-1])))
+        weight = (np.conj(drive) * frequency**2)[band]
+        more += float(np.sum(weight * bends[band]).real)
+        motor += float(np.sum(weight * moves[band]).real)
+    return abs(more / motor) if motor else 0.0
+
+
+def _spectrum(values: FloatArray) -> NDArray[np.complex128]:
+    """Return the spectrum of a channel without its trend."""
+    line = np.polyval(np.polyfit(np.arange(len(values)), values, 1), np.arange(len(values)))
+    return np.fft.rfft((values - line) * np.hanning(len(values)))

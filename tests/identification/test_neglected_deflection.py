@@ -1,0 +1,56 @@
+"""Doubt about the inertia of a drive that was taken as rigid though its joint bends."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_joint import log, made, recording
+
+from flexid.identification.estimation.neglected_deflection import (
+    excess_of_link,
+    with_neglected_deflection,
+)
+from flexid.identification.identify import identify
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.vocabulary.evidence import Estimate
+
+TIMES = 2e-3 * np.arange(5000)
+RNG = np.random.default_rng(3)
+NOISE = 1e-3 * RNG.standard_normal((2, len(TIMES)))  # rad
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_more_of_the_link_is_seen_through_noise(noise):
+    """Assert the ratio of two tones with their own ratios, by the input's share at each."""
+    rates, excesses, torques = (3.0, 20.0), (0.001, 0.04), (2.0, 5.0)
+    angles = [-u / w**2 * np.sin(w * TIMES) for w, u in zip(rates, torques, strict=True)]
+    motor = angles[0] + angles[1]
+    link = motor + excesses[0] * angles[0] + excesses[1] * angles[1]
+    drive = np.sin(np.outer(TIMES, rates)) @ torques
+    made_of = recording(TIMES, link + noise * NOISE[0], motor + noise * NOISE[1], drive)
+    expected = (4.0 * 0.001 + 25.0 * 0.04) / 29.0
+    assert excess_of_link([made_of]) == pytest.approx(expected, rel=0.01 + 0.2 * noise)
+    assert excess_of_link([replace(made_of, link_position=None)]) == 0.0
+
+
+def test_all_coefficients_change_alike():
+    """Assert that the doubt widens coefficients and not delays, nor their ratios."""
+    log_of = made(1, 6.0, joint_stiffness=1e4, noise=0.0)
+    names = ("gamma1", "beta1", "input_delay")
+    before = Estimate(names, np.array([4.0, 0.8, 1e-3]), 1e-8 * np.eye(3), (50.0,) * 3)
+    after = with_neglected_deflection(before, [log_of])
+    share = excess_of_link([log_of]) / np.sqrt(3.0)
+    assert share == pytest.approx(0.03, abs=0.01)
+    assert after.deviations[:2] == pytest.approx(share * before.values[:2], rel=1e-3)
+    assert after.deviations[2] == pytest.approx(1e-4)
+    slopes = np.array([1.0 / 0.8, -4.0 / 0.8**2, 0.0])  # of gravity, the ratio
+    assert slopes @ after.covariance @ slopes == pytest.approx(slopes @ before.covariance @ slopes)
+
+
+def test_the_interval_holds_the_inertia_of_a_flexible_drive():
+    """Assert that the interval of an inertia that is 3.5 % too large holds the truth."""
+    found = identify([log(made(1, 6.0, joint_stiffness=1e4, noise=1e-3))], Settings(model="rigid"))
+    inertia = found.parameters["inertia"]
+    assert inertia.value > 1.02 * 1.3
+    assert inertia.interval[0] < 1.3 < inertia.interval[1]
+    assert inertia.half_width < 0.1 * inertia.value
