@@ -31,7 +31,7 @@ def test_tasks_share_what_is_left(threads: int):
     for spent in ((5.0, 4.0), (9.0, 0.0)):  # together, or alone
         with within(10.0):
             spend(2.0)
-            with pytest.raises(BudgetError, match="more than 10 samples"):
+            with pytest.raises(BudgetError, match="more than 10 integration"):
                 side_by_side(spend, spent, threads)
 
 

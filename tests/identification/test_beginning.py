@@ -253,3 +253,41 @@ def test_a_fit_that_need_not_stand_is_not_begun_anew(reported):
     with pytest.raises(ConvergenceError, match="nowhere"):
         reported(1, fallback=False)
     assert reported(0, fallback=False)[0] == "fitted, its shapes settled"
+
+
+@pytest.mark.parametrize("converged", [True, False])
+def test_only_a_fit_that_converged_replaces_shorter_ones(monkeypatch, converged):
+    """Assert that a hold which explains the log but did not converge is fitted to all lengths."""
+    last, best = held("zero", 1.0), held("linear", 0.9, converged=converged)
+    monkeypatch.setattr(fits_by_length, "ending_with", lambda *_: ["all lengths"])
+    monkeypatch.setattr(fits_by_length, "with_steps_refined", tuple)
+    known: Any = best, "", ()
+    found = fits_by_length.with_best_hold([last], [], ("zero", "linear"), True, THRESHOLDS, known)
+    assert found.found == ((best,) if converged else ("all lengths",))
+
+
+@pytest.mark.parametrize(("apart", "lengths"), [(0.9, [3, 1]), (1.1, [3, 3])])
+def test_a_known_minimum_is_not_followed_again(monkeypatch, apart, lengths):
+    """Assert that a start which leads to known values, within a deviation, is not followed."""
+    followed = []
+
+    def fit(segments: _Segments, value: float) -> Any:
+        values = {"values": np.array([value]), "unit_deviations": np.ones(1)}
+        return made_fit(cost=1.0, segments=segments, **values)
+
+    def fit_by_length(structure, data, start, divisions, *, steps, should_continue):
+        found = [fit(divisions[0], start["value"])]
+        for segments in divisions[1:]:
+            if not should_continue(found[-1]):
+                break
+            found.append(fit(segments, start["value"]))
+        followed.append(len(found))
+        return found
+
+    monkeypatch.setattr(beginning, "fit_by_length", fit_by_length)
+    starts: Any = iter([{"value": 5.0}, {"value": 5.0 + apart}])
+    schedule: Any = beginning._Schedule(LADDER, together=1)  # type: ignore[arg-type]
+    rest: Any = None, None, starts, schedule, lambda _: True
+    first, second = beginning._fits_from_starts(*rest)
+    assert followed == lengths
+    assert (second[-1] is first[-1]) == (lengths[1] == 1)

@@ -237,6 +237,21 @@ def test_only_encoders_of_their_own_err_once_per_turn():
     assert estimating.by_eccentricity(alone) is None
 
 
+def test_gravity_is_open_if_its_error_cannot_be_followed(monkeypatch: pytest.MonkeyPatch):
+    """Assert that gravity may be wrong by its value if the motion with an eccentricity diverges."""
+    fitted = eccentric(0.0, 0.3)[0]
+
+    def diverges(*_: Any) -> Any:
+        raise ConvergenceError("rig", "the motion diverges")
+
+    monkeypatch.setattr(estimating, "likely_changes", diverges)
+    directions = estimating.by_eccentricity(fitted)
+    assert directions is not None
+    errors = dict(zip(fitted.names, directions[:, 0].tolist(), strict=True))
+    assert {name for name, error in errors.items() if error} == {"theta1"}
+    assert errors["theta1"] == pytest.approx(fitted.by_name["theta1"])
+
+
 def diverging(_: FitInBand) -> FitInBand:
     """Fail like a fit whose motion diverges."""
     raise ConvergenceError("prediction error", "the motion diverges")

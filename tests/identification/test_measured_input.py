@@ -25,8 +25,11 @@ from made_joint import (
 )
 from scipy.signal import lfilter
 
+import flexid.identification.estimation.inputs as inputs
+import flexid.identification.full_model.amplifier as amplifier_module
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.samples import Samples
+from flexid.identification.estimation.answers import Answer
 from flexid.identification.estimation.disturbed import fit_disturbed
 from flexid.identification.estimation.disturbed_estimate import pulled
 from flexid.identification.estimation.inputs import _is_likelier
@@ -37,7 +40,7 @@ from flexid.identification.full_model.model import Data, Fitted, Structure, data
 from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import link
 from flexid.identification.preparation.recordings import IDEAL, Amplifier
-from flexid.identification.vocabulary.evidence import ModelError
+from flexid.identification.vocabulary.evidence import Estimate, ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.recording.recording import Recording
 from flexid.recording.velocities import with_velocities
@@ -252,6 +255,28 @@ def test_a_log_that_was_low_passed_is_corrected():
         lower, upper = found.parameters[name].interval
         assert lower < trial.truth[name] < upper
         assert 1e-4 * trial.truth[name] < upper - lower < 0.05 * trial.truth[name]
+
+
+@pytest.mark.parametrize(("early", "sought"), [(0.26, True), (0.24, False), (-3.0, False)])
+def test_a_filter_is_sought_if_the_motor_is_early(monkeypatch, early, sought):
+    """Assert that a motor must move a quarter of a sample before its input."""
+    reported = SimpleNamespace(by_name={INPUT: -1e-3 * early}, excess=9.0)
+    estimate = Estimate((), np.zeros(0), np.zeros((0, 0)), ())
+    found = Answer(cast(Any, SimpleNamespace(reported=reported)), cast(Any, None), estimate)
+    balance = SimpleNamespace(
+        amplifier=lambda **_: IDEAL,
+        limit_changes=lambda _: {},
+        with_log_lag=lambda amplifier, _: amplifier,
+    )
+    monkeypatch.setattr(amplifier_module, "DrivenBalance", lambda *_: balance)
+    monkeypatch.setattr(inputs, "answer", lambda _: found)
+    monkeypatch.setattr(inputs, "_with_amplifier", lambda _, job: job)
+    steps: list[str] = []
+    training = SimpleNamespace(samples=[SimpleNamespace(sample_time=1e-3)])
+    about = {"input_unit": "N m", "thresholds": THRESHOLDS, "structure": None}
+    job: Any = SimpleNamespace(**about, training=training, progress=steps.append)
+    assert inputs.answer_with_amplifier(job)[2] == IDEAL
+    assert bool(steps) == sought
 
 
 def test_a_lag_is_undone_in_parts_as_in_the_whole():

@@ -212,7 +212,7 @@ def test_a_joint_that_cannot_be_fitted_is_rigid_unless_something_is_asked(
 
 def test_a_search_beyond_its_budget_ends_in_a_fit_with_disturbances(monkeypatch, clean):
     """Assert that a search that takes too long ends with determined values all the same."""
-    monkeypatch.setattr(answers, "_MOST_PASSES", 20)
+    monkeypatch.setattr(answers, "_MOST_STEPS", 1e5)
     result = identify([clean])
     assert result.disturbances is not None
     for name in ("link_inertia", "motor_inertia", "joint_stiffness"):

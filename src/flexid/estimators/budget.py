@@ -1,4 +1,4 @@
-"""Budget of a search: number of samples over which it may run a model, in all threads.
+"""Budget of a search: number of integration steps that it may take, in all threads.
 
 The work is counted and not timed, so a search ends at the same place on every machine.
 """
@@ -6,7 +6,8 @@ The work is counted and not timed, so a search ends at the same place on every m
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf
 
 from flexid.errors import FlexidError
 
@@ -15,37 +16,37 @@ from flexid.errors import FlexidError
 class BudgetError(FlexidError):
     """A search has spent its budget."""
 
-    samples: float  # integration steps of a sample that the search was given
-    _text = "the search ran the model over more than {samples:.3g} samples: identify a part of it"
+    steps: float  # integration steps that the search was given
+    _text = "the search took more than {steps:.3g} integration steps: identify a part of the log"
 
 
 @dataclass
 class Budget:
-    """Work that a search may still do, in integration steps of a sample."""
+    """Work of a search and its limit, in integration steps."""
 
-    given: float
-    left: float
+    limit: float = inf
+    spent: float = 0.0
 
-    def spend(self, samples: float) -> None:
-        """Count work, and raise `BudgetError` if no more is left."""
-        self.left -= samples
-        if self.left < 0.0:
-            raise BudgetError(self.given)
+    def spend(self, steps: float) -> None:
+        """Count work, and raise `BudgetError` if it is more than the limit."""
+        self.spent += steps
+        if self.spent > self.limit:
+            raise BudgetError(self.limit)
 
 
-_UNLIMITED = Budget(float("inf"), float("inf"))
+_UNLIMITED = Budget()
 _budget: ContextVar[Budget] = ContextVar("budget", default=_UNLIMITED)
 
 
-def spend(samples: float) -> None:
+def spend(steps: float) -> None:
     """Count work within the current budget."""
-    _budget.get().spend(samples)
+    _budget.get().spend(steps)
 
 
 @contextmanager
-def within(samples: float) -> Iterator[None]:
+def within(steps: float) -> Iterator[None]:
     """Limit the work of the enclosed statements."""
-    with _in_force(Budget(samples, samples)):
+    with _in_force(Budget(steps)):
         yield
 
 
@@ -66,7 +67,7 @@ class Shares:
 
     def __init__(self, number: int) -> None:
         self._whole = _budget.get()
-        self._parts = [Budget(self._whole.given, self._whole.left) for _ in range(number)]
+        self._parts = [replace(self._whole) for _ in range(number)]
 
     def of(self, place: int) -> AbstractContextManager[None]:
         """Return a context in which a task spends its copy."""
@@ -74,5 +75,5 @@ class Shares:
 
     def settle(self) -> None:
         """Count what all tasks together have spent."""
-        before = self._whole.left
-        self._whole.spend(sum(before - part.left for part in self._parts))
+        before = self._whole.spent
+        self._whole.spend(sum(part.spent - before for part in self._parts))

@@ -257,7 +257,7 @@ class SegmentedMotion:
     def equations(self, point: Point, by: By = "everything") -> Equations:
         """Run the model from a point and assemble the normal equations.
 
-        Raises `BudgetError` if a search has run the model over too many samples.
+        Raises `BudgetError` if a search has taken too many integration steps.
         """
         effort = _WITHOUT_DERIVATIVES if by == "nothing" else 1.0
         spend(effort * self.substeps * float(self.segments.lengths.sum()))

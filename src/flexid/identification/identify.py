@@ -112,7 +112,13 @@ def identify(
         problems = [text for text in found.warnings if rank_of(text) == Rank.SCALE]
     progress("a rigid drive")
     rigid = identified("rigid", (_TAKEN_AS_RIGID, *problems))
-    return rigid if found is None or _verdicts(rigid) != {"undetermined"} else found
+    nothing: set[Verdict] = {"undetermined"}
+    if found is None or (
+        # Weak values of a flexible joint are safer than those of a rigid one with disturbances.
+        _verdicts(rigid) != nothing and (not rigid.disturbances or _verdicts(found) == nothing)
+    ):
+        return rigid
+    return found
 
 
 def _may_be_rigid(settings: Settings, logs: Sequence[Log]) -> bool:

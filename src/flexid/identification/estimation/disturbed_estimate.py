@@ -128,17 +128,21 @@ def _by_gauge(found: Disturbed, data: Data) -> FloatArray | None:
 
 
 def by_eccentricity(fitted: Fitted) -> FloatArray | None:
-    """Return errors of gravity, shape (k, 3), by errors of the link's encoder once per turn.
+    """Return errors of gravity, shape (k, 3) or (k, 1), by an encoder error once per turn.
 
     In the link's balance such an error looks like gravity, through the spring. The motor's torque
-    balances gravity alone. So the log may show how large the error is.
+    balances gravity alone. So the log may show how large the error is. If the motion diverges with
+    such an error, gravity may be wrong by as much as its value.
     """
     gravity = np.array([name in LINK_GRAVITY for name in fitted.names])
     if fitted.data.relative_to or not gravity.any():
         return None
     angle = fitted.problem.segments.outputs[:, 0]
     rigs = [with_sensor_error(fitted, 0, ECCENTRICITY * wave(angle)) for wave in (np.sin, np.cos)]
-    return gravity[:, None] * likely_changes(fitted, rigs, _scatter(fitted))
+    try:
+        return gravity[:, None] * likely_changes(fitted, rigs, _scatter(fitted))
+    except ConvergenceError:
+        return (gravity * fitted.values)[:, None]
 
 
 def _scatter(fitted: Fitted) -> float:

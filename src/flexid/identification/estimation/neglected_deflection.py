@@ -1,9 +1,9 @@
 """Doubt about a drive that was taken as rigid though its joint bends.
 
-Below its resonance a flexible joint has a larger inertia than motor and link together: the link of
-inertia J2 accelerates r times as much as the motor, with r above 1, so the motor moves J1 + r J2. A
-rigid joint takes this for the sum of both inertias. The log of both encoders shows r - 1, of which
-the share J2 / (J1 + J2) changes the inertia. This share is unknown, between 0 and 1.
+Below its resonance the link of a flexible joint accelerates r times as much as the motor, with r
+above 1. A rigid joint moves as the mean of both (`preparation.recordings`). Then its inertia is
+wrong by the share (J2 - J1) / 2 (J1 + J2) of r - 1. The log shows r; the share is unknown, between
+-1/2 and 1/2.
 """
 
 from collections.abc import Iterable
@@ -17,7 +17,7 @@ from flexid.models.flexible_joint import RIGID_UNITS
 from flexid.recording.recording import Recording
 
 _BAND = 0.99  # share of the input's power in the band; above it are noise and steps of encoders
-_SPREAD = 1.0 / np.sqrt(3.0)  # root mean square of a uniform share between 0 and 1
+_SPREAD = 0.5 / np.sqrt(3.0)  # root mean square of a uniform share between -1/2 and 1/2
 
 
 def with_neglected_deflection(estimate: Estimate, recordings: Iterable[Recording]) -> Estimate:

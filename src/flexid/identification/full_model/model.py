@@ -58,11 +58,6 @@ class Data:
         """Relative difference between the scales of two encoders."""
         return max((abs(scales_apart(recording)[0]) for recording in self.recordings), default=0.0)
 
-    @property
-    def count(self) -> int:
-        """Number of samples."""
-        return sum(map(len, self.samples))
-
     @cached_property
     def margin(self) -> float:
         """Time in s at both ends of each recording that is in no segment."""

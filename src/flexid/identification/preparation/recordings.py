@@ -211,9 +211,23 @@ def _with_channels_of(model: Kind | Auto, recording: Recording) -> Recording:
         )
     if model == "link":
         return replace(recording, input=None, input_unit="")
-    if model == "rigid":
-        return replace(recording, link_position=None, link_velocity=None)
-    return recording
+    return _whole_drive(recording) if model == "rigid" else recording
+
+
+def _whole_drive(recording: Recording) -> Recording:
+    """Return the recording of one motion: the mean of both sides, about the motor's zero.
+
+    With inertias J1 and J2 and the deflection δ, the input moves J1 + J2 along the mean, and
+    (J2 - J1) δ'' / 2 more. Along the motor's motion it would be J2 δ''.
+    """
+    alone = replace(recording, link_position=None, link_velocity=None)
+    if recording.link_position is None or recording.clamped or _shows_no_deflection(recording):
+        return alone
+    deflection = recording.deflection
+    speeds = recording.motor_velocity, recording.link_velocity
+    mean = None if speeds[0] is None or speeds[1] is None else 0.5 * (speeds[0] + speeds[1])
+    position = recording.motor_position + 0.5 * (deflection - deflection.mean())
+    return replace(alone, motor_position=position, motor_velocity=mean)
 
 
 class Source(Protocol):
