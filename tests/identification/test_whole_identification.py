@@ -182,6 +182,19 @@ def test_a_joint_too_stiff_for_its_log_is_taken_as_rigid():
     assert result.provenance["settings"]["model"] == "auto"
 
 
+def test_a_rigid_fit_that_fails_loses_nothing(monkeypatch, clean):
+    """Assert that a flexible joint of which nothing is determined is reported if the rest fails."""
+
+    def fails(job: Any) -> Any:
+        if job.joint.kind == "rigid":
+            raise ConvergenceError("prediction error", "no start")
+        return answer_with_amplifier(job)
+
+    monkeypatch.setattr(identify_module, "answer_with_amplifier", fails)
+    monkeypatch.setattr(identify_module, "_verdicts", lambda _: {"undetermined"})
+    assert identify([clean]).model == "flexible"
+
+
 @pytest.mark.parametrize(
     ("asked", "rigid"),
     [

@@ -64,11 +64,6 @@ from flexid.models.physical import Directional, Sum
 from flexid.recording.recording import Caution, Log, Rank, cautions, rank_of, ranked
 from flexid.recording.slow_motion import late_input
 
-_TAKEN_AS_RIGID = (
-    "the log determines neither an inertia nor the stiffness of a flexible joint, so the drive was "
-    "taken as rigid: its inertia and friction are those of motor and link together; excite the "
-    "resonance harder, use finer encoders, or see the flexible joint with `--model flexible`"
-)
 _TAKEN_AS_RIGID = Caution(
     "the log determines neither an inertia nor the stiffness of a flexible joint, so the drive was "
     "taken as rigid: inertia and friction are those of motor and link together; excite the "
@@ -111,7 +106,12 @@ def identify(
             return found
         problems = [text for text in found.warnings if rank_of(text) == Rank.SCALE]
     progress("a rigid drive")
-    rigid = identified("rigid", (_TAKEN_AS_RIGID, *problems))
+    try:
+        rigid = identified("rigid", (_TAKEN_AS_RIGID, *problems))
+    except ConvergenceError:
+        if found is None:
+            raise
+        return found
     nothing: set[Verdict] = {"undetermined"}
     if found is None or (
         # Weak values of a flexible joint are safer than those of a rigid one with disturbances.

@@ -38,7 +38,7 @@ def excess_of_link(recordings: Iterable[Recording]) -> float:
     """
     more, motor = 0.0, 0.0
     for recording in recordings:
-        if recording.link_position is None or recording.input is None:
+        if recording.link_position is None or recording.input is None or recording.clamped:
             continue
         frequency = np.fft.rfftfreq(len(recording), recording.sample_time)
         drive, moves, bends = (
