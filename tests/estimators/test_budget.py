@@ -11,10 +11,10 @@ from flexid.estimators.segmented_motion import Point, segmented_motion
 from flexid.models.flexible_joint import flexible_joint
 
 
-def left_over(samples: float, threads: int, *spent: float) -> float:
-    """Return how much of 10 is left after a task for each amount, and `samples` before these."""
+def left_over(steps: float, threads: int, *spent: float) -> float:
+    """Return how much of 10 is left after a task for each amount, and `steps` before these."""
     with within(10.0):
-        spend(samples)
+        spend(steps)
         side_by_side(spend, spent, threads)
         for tenths in range(101):
             try:
@@ -39,9 +39,9 @@ def test_a_task_does_not_know_of_its_neighbours():
     """Assert that a task runs to its end though another has spent the rest."""
     done = []
 
-    def task(samples: float) -> None:
-        spend(samples)
-        done.append(samples)
+    def task(steps: float) -> None:
+        spend(steps)
+        done.append(steps)
 
     with within(10.0), pytest.raises(BudgetError):
         side_by_side(task, (9.0, 8.0), 1)

@@ -286,7 +286,8 @@ def test_a_known_minimum_is_not_followed_again(monkeypatch, apart, lengths):
 
     monkeypatch.setattr(beginning, "fit_by_length", fit_by_length)
     starts: Any = iter([{"value": 5.0}, {"value": 5.0 + apart}])
-    schedule: Any = beginning._Schedule(LADDER, together=1)  # type: ignore[arg-type]
+    divisions: Any = LADDER
+    schedule = beginning._Schedule(divisions, together=1)
     rest: Any = None, None, starts, schedule, lambda _: True
     first, second = beginning._fits_from_starts(*rest)
     assert followed == lengths

@@ -63,7 +63,7 @@ def fitted(seed: int, noise: float = NOISE) -> Fitted:
     return fit_to(GRAVITY, data, TRUTH, 1.0)[0]
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_residuals_are_explained(seed):
     """Assert that the motor encoder's noise explains residuals far above the link's noise."""
     found = fitted(seed)

@@ -195,6 +195,21 @@ def test_a_rigid_fit_that_fails_loses_nothing(monkeypatch, clean):
     assert identify([clean]).model == "flexible"
 
 
+def test_a_drive_without_deflection_is_identified_once(monkeypatch):
+    """Assert that noise between both encoders leads to one rigid fit with one warning."""
+    kinds = []
+
+    def watched(job: Any) -> Any:
+        kinds.append(job.joint.kind)
+        return answer_with_amplifier(job)
+
+    monkeypatch.setattr(identify_module, "answer_with_amplifier", watched)
+    monkeypatch.setattr(identify_module, "_verdicts", lambda _: {"undetermined"})
+    result = identify([log(made(1, 3.0, joint_stiffness=1e6, noise=1e-4))])
+    assert kinds == ["rigid"]
+    assert sum("taken as rigid" in warning for warning in result.warnings) == 1
+
+
 @pytest.mark.parametrize(
     ("asked", "rigid"),
     [

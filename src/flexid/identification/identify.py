@@ -4,6 +4,7 @@ The steps are recordings, full model, structure, estimate, judgement and result.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -90,24 +91,23 @@ def identify(
     """
     settings = settings or Settings()
 
-    def identified(model: Kind | Auto, problems: Sequence[str] = ()) -> Identification:
+    def job_with(model: Kind | Auto) -> tuple[Job, tuple[str, ...]]:
         recordings, dropped = prepare(logs, settings.validation_share, model)
-        job = job_of(recordings, settings, progress, thresholds)
-        return _identified(job, logs, (*dropped, *problems))
+        return job_of(recordings, settings, progress, thresholds), dropped
 
-    try:
-        found = identified(settings.model)
-    except ConvergenceError:
-        if not _may_be_rigid(settings, logs):
-            raise
-        found, problems = None, []
-    else:
-        if not _may_be_rigid(settings, logs) or "determined" in _verdicts(found):
+    job, dropped = job_with(settings.model)
+    if not _may_be_rigid(job):
+        return _identified(job, logs, dropped)
+    found, problems = None, []
+    with suppress(ConvergenceError):
+        found = _identified(job, logs, dropped)
+        if "determined" in _verdicts(found):
             return found
         problems = [text for text in found.warnings if rank_of(text) == Rank.SCALE]
     progress("a rigid drive")
+    job, dropped = job_with("rigid")
     try:
-        rigid = identified("rigid", (_TAKEN_AS_RIGID, *problems))
+        rigid = _identified(job, logs, (*dropped, _TAKEN_AS_RIGID, *problems))
     except ConvergenceError:
         if found is None:
             raise
@@ -121,14 +121,11 @@ def identify(
     return found
 
 
-def _may_be_rigid(settings: Settings, logs: Sequence[Log]) -> bool:
+def _may_be_rigid(job: Job) -> bool:
     """Whether a flexible joint may be taken as rigid, since the user asked nothing else."""
+    settings, clamped = job.settings, job.recordings.recorded[0].clamped
     is_free = settings.model == settings.terms == "auto" and not (settings.known or settings.bounds)
-    return is_free and all(
-        r.link_position is not None and r.input is not None and not r.clamped
-        for log in logs
-        for r in log.recordings
-    )
+    return job.joint.kind == "flexible" and is_free and not clamped
 
 
 def _verdicts(found: Identification) -> set[Verdict]:

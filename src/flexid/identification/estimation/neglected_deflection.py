@@ -38,12 +38,12 @@ def excess_of_link(recordings: Iterable[Recording]) -> float:
     """
     more, motor = 0.0, 0.0
     for recording in recordings:
-        if recording.link_position is None or recording.input is None or recording.clamped:
+        if recording.link_position is None or recording.clamped:
             continue
         frequency = np.fft.rfftfreq(len(recording), recording.sample_time)
         drive, moves, bends = (
             _spectrum(channel)
-            for channel in (recording.input, recording.motor_position, recording.deflection)
+            for channel in (recording.needed_input, recording.motor_position, recording.deflection)
         )
         power = np.cumsum(np.abs(drive) ** 2)
         band = slice(1 + int(np.searchsorted(power, _BAND * power[-1])))

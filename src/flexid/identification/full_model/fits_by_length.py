@@ -119,7 +119,7 @@ def fit_full_model(
     divisions = lengths(data, *durations)
     progress("the full model")
     found = first_fits(base.with_hold(holds[0]), data, divisions, insist=not exact)
-    known = None  # what is known of the holds
+    known = None  # comparison of the holds
     if found[-1].excess > thresholds.sensor_excess:
         known = best_hold(found[-1], holds, thresholds)
         found = ending_with(known[0], found, divisions)
