@@ -66,8 +66,8 @@ CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     # A torque has neither coil nor amplifier, and a coil only delays.
     (doubts.coil_lag, {}, {}),
     (doubts.coil_lag, EARLY, {}),
-    (doubts.dead_zone, VOLTS, {"beta1": 0.02}),
-    (doubts.dead_zone, {}, {}),
+    (doubts.dead_zone, {"by_dead_zone": NOISE}, {"alpha1": 0.1, "beta1": 0.1}),
+    (doubts.dead_zone, VOLTS, {}),
     # Uniform between zero and the full effect of play on a spring, or of more noise of the input.
     (doubts.play, {"by_play": 0.3}, dict.fromkeys(SPRINGS, 0.3 / np.sqrt(3.0))),
     (doubts.play, {}, {}),
@@ -211,7 +211,8 @@ def quadratic(names, information, values, robust=1.0) -> Any:
 
 def hidden(reported, full, scale, certain=(), **one_way: dict[str, float]) -> np.ndarray:
     """Return the covariance due to a removed term of some scale; `one_way` are frictions."""
-    fits = {"reported": reported, "full": full, "scales": {"gone": scale}, "one_way": one_way}
+    scales = {full.names[-1]: scale}
+    fits = {"reported": reported, "full": full, "scales": scales, "one_way": one_way}
     return hidden_covariance(cast(Any, SimpleNamespace(**fits)), certain)
 
 
@@ -224,19 +225,19 @@ def test_a_friction_one_way_may_be_as_large_as_its_scale():
     assert found == pytest.approx(np.diag([0.0, 0.5 * (3.0 * 0.5) ** 2]))
 
 
-def added(information, values, scale, robust=1.0, certain=()) -> float:
+def added(information, values, scale, robust=1.0, certain=(), gone="gone") -> float:
     """Return the variance that a removed second coefficient adds to the first."""
     reported = quadratic(("kept",), information[:1, :1], values[:1])
-    full = quadratic(("kept", "gone"), information, values, robust)
+    full = quadratic(("kept", gone), information, values, robust)
     covariance = hidden(reported, full, scale, certain)
     return float(covariance[0, 0])
 
 
-@pytest.mark.parametrize("certain", [(), ("gone",)])
-@pytest.mark.parametrize(("value", "scale"), [(0.0, 3.0), (0.4, 3.0), (1.1, 0.5), (2.5, 20.0)])
-def test_it_is_the_mean_square_of_the_posterior(value, scale, certain):
-    """Assert that the added variance is 0.6² E[b²] of a term that is, or may be, present."""
-    information = np.array([[1.0, 0.6], [0.6, 1.0]])
+TWO = np.array([[1.0, 0.6], [0.6, 1.0]])
+
+
+def posterior(value: float, scale: float, odds: float) -> float:
+    """Return the mean square of a value by quadrature; `odds` are those of its absence."""
     deviation = 1.0 / np.sqrt(1.0 - 0.36)
 
     def there(b):
@@ -245,16 +246,30 @@ def test_it_is_the_mean_square_of_the_posterior(value, scale, certain):
     reach = 12.0 * scale
     evidence = quad(there, -reach, reach, points=[0.0, value], limit=400)[0]
     square = quad(lambda b: b * b * there(b), -reach, reach, points=[0.0, value], limit=400)[0]
-    absent = 0.0 if certain else norm.pdf(value, 0.0, deviation)
-    found = added(information, np.array([0.0, value]), scale, certain=certain)
-    assert found == pytest.approx(0.36 * square / (evidence + absent), rel=1e-6)
+    return square / (evidence + odds * norm.pdf(value, 0.0, deviation))
+
+
+@pytest.mark.parametrize("certain", [(), ("gone",)])
+@pytest.mark.parametrize(("value", "scale"), [(0.0, 3.0), (0.4, 3.0), (1.1, 0.5), (2.5, 20.0)])
+def test_it_is_the_mean_square_of_the_posterior(value, scale, certain):
+    """Assert that the added variance is 0.6² E[b²] of a term that is, or may be, present."""
+    found = added(TWO, np.array([0.0, value]), scale, certain=certain)
+    assert found == pytest.approx(0.36 * posterior(value, scale, len(certain) == 0), rel=1e-6)
+
+
+@pytest.mark.parametrize(("scale", "usual"), [(60.0, True), (3.0, False)])
+def test_most_drives_have_friction(scale, usual):
+    """Assert that a friction has the larger mean square, here of 5 % of the acceleration."""
+    found = added(TWO, np.array([0.0, 0.4]), scale, gone="theta_viscous")
+    others = posterior(0.4, scale, 1.0), posterior(0.4, 0.05 * scale, 1.0 / 9.0)
+    assert found == pytest.approx(0.36 * others[usual], rel=1e-6)
+    assert others[usual] > others[not usual]
 
 
 def test_correlated_residuals_count():
     """Assert that a term with twice the score deviation has twice the uncertainty."""
-    information = np.array([[1.0, 0.6], [0.6, 1.0]])
-    wide = added(information, np.zeros(2), 3.0, robust=2.0)
-    narrow = added(information / 4.0, np.zeros(2), 3.0)
+    wide = added(TWO, np.zeros(2), 3.0, robust=2.0)
+    narrow = added(TWO / 4.0, np.zeros(2), 3.0)
     assert wide == pytest.approx(narrow, rel=1e-9)
 
 

@@ -33,7 +33,12 @@ from flexid.identification.estimation.answers import Answer
 from flexid.identification.estimation.disturbed import fit_disturbed
 from flexid.identification.estimation.disturbed_estimate import pulled
 from flexid.identification.estimation.inputs import _is_likelier
-from flexid.identification.estimation.model_error import input_noise, lagged, widened
+from flexid.identification.estimation.model_error import (
+    behind_a_dead_zone,
+    input_noise,
+    lagged,
+    widened,
+)
 from flexid.identification.full_model.amplifier import _is_crossed, shows_saturation
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Data, Fitted, Structure, data_of
@@ -196,6 +201,31 @@ def recorded(
     link, motor = run[:, 0], run[:, 2]
     errors = ENCODER_NOISE * rng.standard_normal((2, len(times)))
     return Recording(STEP, 0.0, link + errors[0], motor + errors[1], command, unit, source="made")
+
+
+@cache
+def under_a_voltage(dead_zone: float, *, square: bool) -> Fitted:
+    """Return a fit of the driven joint without knowledge of its amplifier's dead zone."""
+    held = structure("motor_viscous", "motor_coulomb", hold="zero")
+    start = {"theta2": 100.0, "alpha1": 1 / 3e-3, "alpha2": 4.0, "alpha_coulomb": 1.0, "beta1": 3.0}
+    return fit_to(held, data(recorded(dead_zone, np.inf, square=square)), start, 1.0)[0]
+
+
+def test_a_dead_zone_that_a_square_wave_hides():
+    """Assert the error that a dead zone of 2 % makes: a gain 2 % too small, and no other."""
+    hidden = under_a_voltage(0.08, square=True)
+    gain = hidden.names.index("beta1")
+    error = under_a_voltage(0.0, square=True).values - hidden.values
+    foretold = behind_a_dead_zone(hidden)
+    assert foretold[gain] / hidden.values[gain] == pytest.approx(0.02 / 0.98, rel=0.03)
+    np.testing.assert_allclose(foretold, error, atol=0.1 * foretold[gain])
+
+
+def test_a_dead_zone_that_the_log_contradicts():
+    """Assert that a log with all voltages allows only a far smaller dead zone."""
+    shown, hidden = (under_a_voltage(0.0, square=square) for square in (False, True))
+    gain = shown.names.index("beta1")
+    assert 0.0 < behind_a_dead_zone(shown)[gain] < 0.2 * behind_a_dead_zone(hidden)[gain]
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,7 @@ from flexid.identification.estimation.final_fits import (
     hidden_covariance,
     with_doubts,
 )
-from flexid.identification.estimation.model_error import lagged
+from flexid.identification.estimation.model_error import behind_a_dead_zone, lagged
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
     is_acceptable,
@@ -186,7 +186,9 @@ def _exact(job: Job, fits: FinalFits, validation: Validation) -> Answer:
     job.progress("removed terms")
     estimate = with_doubts(fits, job.delay_in_doubt, thresholds)
     doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (job.input_unit == "V")
-    doubted = Doubted(fits.reported, {}, {}, job.input_unit, None, by_lag=lagged(fits.reported))
+    reported, unit = fits.reported, job.input_unit
+    dead_zone = behind_a_dead_zone(reported) if unit == "V" else None
+    doubted = Doubted(reported, {}, {}, unit, None, by_lag=lagged(reported), by_dead_zone=dead_zone)
     errors = [(covariance_of(doubt(doubted)), DOUBTS[doubt]) for doubt in doubts]
     errors.append((covariance_of(between_lengths(fits, thresholds)), OF_A_LENGTH))
     estimate, widest = widened(estimate, errors)

@@ -33,7 +33,12 @@ from flexid.identification.estimation.doubts import (
     widened,
 )
 from flexid.identification.estimation.excitations import row_sizes
-from flexid.identification.estimation.model_error import SEED, lagged, with_more
+from flexid.identification.estimation.model_error import (
+    SEED,
+    behind_a_dead_zone,
+    lagged,
+    with_more,
+)
 from flexid.identification.estimation.rig_errors import likely_changes, with_sensor_error
 from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.full_model.starting import least_squares_start, suited_rate
@@ -68,6 +73,7 @@ def disturbed_estimate(
         pulled(fitted, found.sizes, data.samples, found.factor),
         by_play if PLAY.isdisjoint(names) else 0.0,
         lagged(fitted) if fitted.by_name.get(INPUT, 0.0) < 0.0 else None,
+        behind_a_dead_zone(fitted) if input_unit == "V" else None,
     )
     errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]
     if fitted.converged:  # otherwise there is nothing to compare other fits with

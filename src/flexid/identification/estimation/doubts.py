@@ -23,7 +23,6 @@ _FURTHER_MODES = 0.003  # of a link's inertia, which the next bending mode incre
 _CABLE = 0.03  # torque of a cable, which acts like gravity, over the spring's torque
 ECCENTRICITY = 5e-4  # rad: 0.03 degrees, error of good encoders once per turn
 GAUGE = 0.02  # of the scale of a deflection sensor: strain gauges are calibrated to 3 or 4 %
-_DEAD_ZONE = 0.02  # of an amplifier's gain: the effect of a dead zone of 1 % of its range
 _LAG = 2e-3  # s: time constants of coils and current loops are hardly longer
 # Part of a balance's unexplained acceleration that may look like one of its terms, over the
 # unexplained share. A larger share is less likely to be chance.
@@ -62,6 +61,7 @@ class Doubted:
     by_noise: FloatArray | None = None  # (k,): change of the values by more noise of the input
     by_play: float = 0.0  # relative increase of the stiffness if the spring has play
     by_lag: FloatArray | None = None  # (k,): error of the values if the delay may be a lag
+    by_dead_zone: FloatArray | None = None  # (k,): change of the values by an amplifier's dead zone
 
     @property
     def longest_lag(self) -> float:
@@ -169,9 +169,8 @@ def lag(doubted: Doubted) -> FloatArray:
 
 
 def dead_zone(doubted: Doubted) -> FloatArray:
-    """Return errors of the gain by an amplifier's dead zone, which reduces small voltages."""
-    gain = _DEAD_ZONE * (doubted.input_unit == "V")
-    return doubted.diagonal(lambda name, value: gain * value * (name == "beta1"))
+    """Return errors by an amplifier's dead zone, which reduces voltages."""
+    return doubted.none if doubted.by_dead_zone is None else doubted.by_dead_zone[:, None]
 
 
 def play(doubted: Doubted) -> FloatArray:

@@ -36,9 +36,11 @@ from flexid.identification.structure.link_delay import confused_covariance
 from flexid.identification.structure.shapes import settled
 from flexid.identification.vocabulary.evidence import Estimate, ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
-from flexid.models.flexible_joint import coefficients_of
+from flexid.models.flexible_joint import DISSIPATIVE, coefficients_of
 from flexid.recording.velocities import with_velocities
 
+_FRICTION = 0.05  # usual size of a friction, over its row's acceleration
+_FRICTIONLESS = 1.0 / 9.0  # odds that a drive lacks a friction or damping
 _NOISE_SEED = 1  # of noise that is added to measure the noise in each regressor
 
 
@@ -235,15 +237,17 @@ def hidden_covariance(fits: FinalFits, certain: Collection[str] = ()) -> FloatAr
     """Return the covariance, shape (k, k), of the reported values from removed terms.
 
     A term that the log does not show may still exist. If the log cannot distinguish it from other
-    terms, these may have taken its place. A priori a term is absent or present with equal
-    probability; if present, it has about the size of its row's acceleration, τ. With its estimate
-    x ± s next to the reported model,
+    terms, these may have taken its place. A priori a term is absent with odds o = 1; if present, it
+    has about the size of its row's acceleration, τ. With its estimate x ± s next to the reported
+    model,
 
-        P(present) = 1 / (1 + sqrt(1 + τ²/s²) exp(-½ x²/s² τ²/(s² + τ²)))
+        P(present) = 1 / (1 + o sqrt(1 + τ²/s²) exp(-½ x²/s² τ²/(s² + τ²)))
 
     (Bayes factor of a normal prior). A present term moves the others along the quadratic form of
     the fit. A term that the log would show well, but does not, adds nothing. A term that the log
-    cannot show adds half its prior mean square. For `certain` terms P = 1.
+    cannot show adds half its prior mean square. For `certain` terms P = 1. Nine of ten drives have
+    a friction or damping of a few per cent of the acceleration, so for these the larger mean square
+    of two priors counts, also that with o = 1/9 and such a τ.
     """
     reported, full, scales = fits.reported, fits.full, fits.scales
     names = list(full.names)
@@ -260,7 +264,7 @@ def hidden_covariance(fits: FinalFits, certain: Collection[str] = ()) -> FloatAr
             continue
         if (parts := fits.one_way.get(name)) is not None:
             shift = np.array([parts.get(other, 0.0) for other in reported.names])
-            added += _mean_square(0.0, np.inf, scale) * np.outer(shift, shift)
+            added += _mean_square(0.0, np.inf, scale, absence=1.0) * np.outer(shift, shift)
             continue
         considered = np.isin(np.arange(len(names)), [*kept, i])
         place = int(np.count_nonzero(considered[:i]))
@@ -268,8 +272,11 @@ def hidden_covariance(fits: FinalFits, certain: Collection[str] = ()) -> FloatAr
         least = least_with(considered, information, values)
         variance = np.inf if least.free[place] else float(least.inverse[place, place])
         seen = float(least.values[place]), _deviation(full, i, variance)
-        is_certain = name.partition("[")[0] in certain
-        mean_square = _mean_square(*seen, scale, is_certain=is_certain)
+        base = name.partition("[")[0]
+        mean_square = _mean_square(*seen, scale, absence=0.0 if base in certain else 1.0)
+        if base in DISSIPATIVE:
+            usual = _mean_square(*seen, _FRICTION * scale, absence=_FRICTIONLESS)
+            mean_square = max(mean_square, usual)
         shift = inverse @ information[kept, i]
         added[np.ix_(places, places)] += mean_square * np.outer(shift, shift)
     return added
@@ -282,15 +289,12 @@ def _deviation(full: Fitted, place: int, variance: float) -> float:
     return max(factor if np.isfinite(factor) else 1.0, 1.0) * float(np.sqrt(variance))
 
 
-def _mean_square(
-    value: float, deviation: float, scale: float, *, is_certain: bool = False
-) -> float:
-    """Return the posterior mean square of a term that may be absent, or is certainly present."""
-    prior = 0.0 if is_certain else 1.0  # prior odds of absence
+def _mean_square(value: float, deviation: float, scale: float, *, absence: float) -> float:
+    """Return the posterior mean square of a term from the prior odds of its absence."""
     if not np.isfinite(deviation):
-        return scale**2 / (1.0 + prior)
+        return scale**2 / (1.0 + absence)
     both = deviation**2 + scale**2
     shrunk = scale**2 / both
-    absent = np.sqrt(both) / deviation * np.exp(-0.5 * (value / deviation) ** 2 * shrunk)
+    ratio = np.sqrt(both) / deviation * np.exp(-0.5 * (value / deviation) ** 2 * shrunk)
     mean, variance = value * shrunk, deviation**2 * shrunk
-    return (mean**2 + variance) / (1.0 + prior * float(absent))
+    return (mean**2 + variance) / (1.0 + absence * float(ratio))

@@ -154,6 +154,8 @@ _DRAWS = 16
 _SPREAD = 3.0  # standard deviations of the effect of one log's noise
 SEED = 20031
 _TIME_CONSTANTS = 8.0  # length of a lag's impulse response
+_DEAD_ZONE = 0.02  # standard deviation over the largest input: amplifiers have up to 4 %
+_LINEAR = 0.1  # of the dead zone, for the trial: the effect of a larger one is not linear
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,6 +227,20 @@ def lagged(fitted: Fitted) -> FloatArray:
     # If the log does not decide, the lag is uniform between zero and the whole delay.
     share = 1.0 if more < -chance else 1.0 / np.sqrt(3.0)
     return share * np.where(own, 0.0, change)
+
+
+def behind_a_dead_zone(fitted: Fitted) -> FloatArray:
+    """Return the change of each value, shape (k,), if a dead zone reduced the input.
+
+    Of a square wave a dead zone only reduces the gain, and hardly any log shows a small one. If the
+    log contradicts this one, the change is reduced to that of a dead zone that chance may hide.
+    """
+    signal = fitted.problem.segments.inputs[:, 0]
+    half = _LINEAR * _DEAD_ZONE * float(np.abs(signal).max())
+    more, change = _change(fitted, signal - np.clip(signal, -half, half), fitted.values)
+    whole, rise = change / _LINEAR, more / _LINEAR**2
+    chance = CHANCE * max(fitted.excess, 1.0)
+    return whole * np.sqrt(chance / rise) if rise > chance else whole
 
 
 def _low_passed(signal: FloatArray, time_constant: float) -> FloatArray:
