@@ -270,13 +270,13 @@ def test_who_compiles_waits_for_who_writes(cache: Path) -> None:
 FOLDER = Path(store.__file__).parent / "derived"
 JOINT, STIFF = flexible(), rigid()
 KERNELS = [
-    ("segmented_motion", "motion_kernel", JOINT.system),
-    ("segmented_motion", "motion_kernel", JOINT.extended),
-    ("segmented_motion", "motion_kernel", STIFF.system),
-    ("state_variable_filter", "signals", JOINT.smooth),
-    ("state_variable_filter", "signals", STIFF.smooth),
+    ("estimators.segmented_motion", "motion_kernel", JOINT.system),
+    ("estimators.segmented_motion", "motion_kernel", JOINT.extended),
+    ("estimators.segmented_motion", "motion_kernel", STIFF.system),
+    ("kernels.store", "model_kernel", "signals", JOINT.smooth),
+    ("kernels.store", "model_kernel", "signals", STIFF.smooth),
 ]
-"""Kernels that `flexid identify` needs for a usual drive: module, function, model."""
+"""Kernels that `flexid identify` needs for a usual drive: module, function, its arguments."""
 
 
 @pytest.fixture
@@ -290,10 +290,10 @@ def generated(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
         found[store.shipped_name(task, declarations)] = build()
         return ModuleType(task)
 
-    for name, function, system in KERNELS:
-        module = import_module(f"flexid.estimators.{name}")
+    for name, function, *arguments in KERNELS:
+        module = import_module(f"flexid.{name}")
         monkeypatch.setattr(module, "load_kernel", build_only)
-        vars(module)[function](system)
+        vars(module)[function](*arguments)
     return found
 
 

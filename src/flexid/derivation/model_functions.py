@@ -190,6 +190,15 @@ def compiled_signals(system: ParametricSystem) -> str:
     return "\n\n".join((_head(system), CALLED_IMPORTS, sampled))
 
 
+SOURCES = {
+    "rates": compiled_rates,
+    "plain_model": plain_model,
+    "signals": signal_module,
+    "sampled_signals": compiled_signals,
+}
+"""Source of a model's functions by the name of their kernel."""
+
+
 def signal_parts(symbolic: SymbolicSystem) -> list[RegressorParts]:
     """Split each signal; raise `ModelError` if a coefficient multiplies no regressor."""
     for coefficient in symbolic.coefficients[len(symbolic.linear) :]:

@@ -1,7 +1,6 @@
 """Recursive least squares: estimates and standard deviations after every sample."""
 
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -10,8 +9,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.estimators.cluster_covariance import kept_covariance
 from flexid.estimators.online import OnlineEstimator, checked_sample_time, fading_factor
-from flexid.estimators.state_variable_filter import signals
-from flexid.kernels.store import load_kernel
+from flexid.kernels.store import load_kernel, model_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
@@ -165,7 +163,7 @@ def recursive_least_squares(
     if not (np.isfinite(filter_rate) and filter_rate > 0.0):
         raise SettingError("filter_rate", f"must be above 0 1/s, got {filter_rate}")
     per_constant = 1.0 / (filter_rate * h)
-    plain, half = signals(system), 0
+    plain, half = model_kernel("signals", system), 0
     if plain.VELOCITY_NEEDED:
         half = max(1, min(_LONGEST_HALF_WINDOW, round(_VELOCITY_WINDOW * per_constant)))
     pole = np.exp(-1.0 / per_constant)
@@ -179,27 +177,11 @@ def recursive_least_squares(
     plain.velocity_factors(constants, factors)
     rows = [h, float(hold == "zero"), pole, float(half), *constants]
     settings = np.array([*law, *rows, *factors.ravel(), *plain.HELD], dtype=np.float64)
-    kernel = _kernel()
+    kernel = load_kernel("least_squares", (), None, ["least_squares"])
     starts = (0, *(part.stop for _, part in system.row_slices()))
-    address = _compiled_signals(system).sampled_parts.address
+    address = model_kernel("sampled_signals", system).sampled_parts.address
     model = kernel.sizes(address, starts, len(system.inputs), len(constants), half)
     layout = tuple(model), np.array(starts, dtype=np.int64)
     state = np.zeros(model.state)
     state[model.counts + kernel.BLOCK_LENGTH] = shortest_block
     return RecursiveLeastSquares(system, h, hold, False, kernel, settings, layout, state, model)
-
-
-def _kernel() -> ModuleType:
-    """Load the compiled update, which is the same for all models."""
-    return load_kernel("least_squares", (), None, ["least_squares"])
-
-
-def _compiled_signals(system: ParametricSystem) -> ModuleType:
-    """Load a model's signals, compiled for the update to call."""
-
-    def build() -> str:
-        from flexid.derivation.model_functions import compiled_signals
-
-        return compiled_signals(system)
-
-    return load_kernel("sampled_signals", [system.digest], build)

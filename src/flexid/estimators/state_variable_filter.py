@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from flexid.estimators.cluster_covariance import block_influences, block_lengths
 from flexid.estimators.normal_equations import scaled_inverse
 from flexid.estimators.samples import Samples
 from flexid.estimators.unknowns import FIXED, Unknowns, unknowns_of
-from flexid.kernels.store import load_kernel
+from flexid.kernels.store import model_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
@@ -260,7 +259,7 @@ class _SampledModel:
         self._constants = np.array(list(system.constants.values()), dtype=np.float64)
         self._rate = 1.0 / float(samples.sample_time)
         self._n_coefficients = len(system.coefficients)
-        self._functions = signals(system)
+        self._functions = model_kernel("signals", system)
         self.factors = np.empty((self._functions.N_SIGNALS, len(system.rows)))
         self._functions.velocity_factors(self._constants, self.factors)
 
@@ -320,7 +319,7 @@ def _check_velocities(
     recordings: Sequence[Samples], usable: Sequence[int], unknowns: Unknowns
 ) -> None:
     """Raise if a recording lacks velocities that a term in use needs."""
-    needed = signals(unknowns.system).VELOCITY_NEEDED
+    needed = model_kernel("signals", unknowns.system).VELOCITY_NEEDED
     for place in usable:
         if recordings[place].velocities is not None:
             continue
@@ -367,14 +366,3 @@ def _signals_of_unknowns(
                     fixed[coefficient] * signals[coefficient, equations]
                 )
     return regressors, left_hand_sides
-
-
-def signals(system: ParametricSystem) -> ModuleType:
-    """Load the functions that compute a model's signals from arrays."""
-
-    def build() -> str:
-        from flexid.derivation.model_functions import signal_module
-
-        return signal_module(system)
-
-    return load_kernel("signals", [system.digest], build)

@@ -19,11 +19,12 @@ from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import Samples, divide
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.files import RefuseKey, parse_toml, read_small, validated
+from flexid.kernels.store import model_kernel
 from flexid.models.flexible_joint import COULOMB_VELOCITY, SHAPE_TERMS, flexible_joint
 from flexid.models.motion import JointType
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import TERM_PARAMETERS, joint_coefficients
-from flexid.simulation.free_run import free_run, plain_model
+from flexid.simulation.free_run import free_run
 from flexid.stored_estimates.estimate_file import StoredEstimate, refusal
 
 DOUBT = 0.3  # largest relative error of each assumed parameter
@@ -219,7 +220,7 @@ class Case:
 
     def rest(self) -> FloatArray:
         """Return the equilibrium without torque, shape (4,), or zeros without one."""
-        model, still = plain_model(self.system), np.zeros(len(self.system.inputs))
+        model, still = model_kernel("plain_model", self.system), np.zeros(len(self.system.inputs))
         constants = np.array(list(self.system.constants.values()), dtype=np.float64)
 
         def accelerations(positions: FloatArray) -> FloatArray:

@@ -20,6 +20,7 @@ import platformdirs
 
 from flexid.errors import SettingError
 from flexid.files import write_atomically
+from flexid.models.parametric_system import ParametricSystem
 
 _LOG = logging.getLogger(__name__)
 
@@ -82,6 +83,17 @@ def _load(
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     _discard_damaged(path)
     return _import(name, path, source)
+
+
+def model_kernel(task: str, system: ParametricSystem) -> ModuleType:
+    """Load functions of a model, by their key in `flexid.derivation.model_functions.SOURCES`."""
+
+    def build() -> str:
+        from flexid.derivation.model_functions import SOURCES
+
+        return SOURCES[task](system)
+
+    return load_kernel(task, [system.digest], build)
 
 
 def shipped_name(task: str, declarations: Sequence[str]) -> str:

@@ -1,14 +1,13 @@
 """Poles of a model, and its free run under a recorded input."""
 
 from collections.abc import Mapping
-from types import ModuleType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
-from flexid.kernels.store import load_kernel
+from flexid.kernels.store import load_kernel, model_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
@@ -42,7 +41,7 @@ def fastest_pole(
     system: ParametricSystem, x: FloatArray, u: FloatArray, p: FloatArray, c: FloatArray
 ) -> float:
     """Return the largest magnitude of the poles in 1/s, linearised at the start and at rest."""
-    model, fastest = plain_model(system), 0.0
+    model, fastest = model_kernel("plain_model", system), 0.0
     # Smoothed friction is steepest at rest, a hardening spring where the motion starts.
     for at in [np.zeros_like(x), x] if np.any(x) else [x]:
         matrix, gains = np.empty((len(x), len(x))), np.empty((len(x), len(u)))
@@ -61,17 +60,6 @@ def fastest_pole(
     return fastest
 
 
-def plain_model(system: ParametricSystem) -> ModuleType:
-    """Return ``right_hand_side``, ``slopes`` and ``jumps`` of a system, not compiled."""
-
-    def build() -> str:
-        from flexid.derivation.model_functions import plain_model as source
-
-        return source(system)
-
-    return load_kernel("plain_model", [system.digest], build)
-
-
 def free_run(
     system: ParametricSystem,
     coefficients: Mapping[str, float],
@@ -88,7 +76,7 @@ def free_run(
     substeps = runge_kutta_substeps(system, x, u[0], p, c, sample_time)
     states = np.empty((len(u), len(x)))
     run = load_kernel("free_run", (), None, ["free_run"]).free_run
-    address = _compiled_rates(system).right_hand_side.address
+    address = model_kernel("rates", system).right_hand_side.address
     written = run(address, x, u, p, c, sample_time, hold == "zero", substeps, states)
     if written < len(states):
         raise SimulationError(
@@ -96,14 +84,3 @@ def free_run(
             written * sample_time,
         )
     return states
-
-
-def _compiled_rates(system: ParametricSystem) -> ModuleType:
-    """Return the compiled right-hand side of a model."""
-
-    def build() -> str:
-        from flexid.derivation.model_functions import compiled_rates
-
-        return compiled_rates(system)
-
-    return load_kernel("rates", [system.digest], build)

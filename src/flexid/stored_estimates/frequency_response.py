@@ -22,10 +22,10 @@ from flexid.identification.vocabulary.evidence import (
     quantile,
     slopes_of,
 )
+from flexid.kernels.store import model_kernel
 from flexid.models.flexible_joint import coefficients_of
 from flexid.models.motion import unit_of
 from flexid.models.parametric_system import ParametricSystem
-from flexid.simulation.free_run import plain_model
 from flexid.stored_estimates.structure import structure_of, values_of
 
 ComplexArray = NDArray[np.complex128]
@@ -148,7 +148,7 @@ def _equilibrium(coefficients: Mapping[str, float]) -> float:
 def _matrices(system: ParametricSystem, rest: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return K, D and B, each as its constant part followed by its slope in each coefficient."""
     # The matrices are affine in the coefficients, so unit vectors separate the parts.
-    slopes_of = plain_model(system).slopes
+    slopes_of = model_kernel("plain_model", system).slopes
     rows, count = len(system.rows), len(system.coefficients)
     x, u = np.zeros(2 * rows), np.zeros(len(system.inputs))
     x[::2] = rest
