@@ -3,7 +3,7 @@
 The work is counted and not timed, so a search ends at the same place on every machine.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -59,21 +59,13 @@ def _in_force(budget: Budget) -> Iterator[None]:
         _budget.reset(token)
 
 
-class Shares:
-    """Copies of the current budget for concurrent tasks.
+@contextmanager
+def shared(number: int) -> Iterator[Callable[[int], AbstractContextManager[None]]]:
+    """Share the current budget among concurrent tasks: yield the context of a task by its index.
 
     Each task may spend the whole rest of the budget, so the result does not depend on their order.
     """
-
-    def __init__(self, number: int) -> None:
-        self._whole = _budget.get()
-        self._parts = [replace(self._whole) for _ in range(number)]
-
-    def of(self, place: int) -> AbstractContextManager[None]:
-        """Return a context in which a task spends its copy."""
-        return _in_force(self._parts[place])
-
-    def settle(self) -> None:
-        """Count what all tasks together have spent."""
-        before = self._whole.spent
-        self._whole.spend(sum(part.spent - before for part in self._parts))
+    whole = _budget.get()
+    parts, before = [replace(whole) for _ in range(number)], whole.spent
+    yield lambda place: _in_force(parts[place])
+    whole.spend(sum(part.spent - before for part in parts))

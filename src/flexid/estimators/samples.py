@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.estimators.budget import Shares
+from flexid.estimators.budget import shared
 from flexid.recording.recording import Recording
 from flexid.recording.velocities import position_noise, velocity
 
@@ -137,16 +137,13 @@ class Segments:
 
     def halved(self) -> "Segments":
         """Cut every segment in two; segment i becomes segments 2 i and 2 i + 1."""
-        first = self.lengths // 2
+        twice = self.at(np.repeat(np.arange(len(self)), 2))
+        skipped = twice.lengths // 2 * (np.arange(len(twice)) % 2)  # 0 in each first half
         return replace(
-            self,
-            starts=np.column_stack((self.starts, self.starts + first)).ravel(),
-            lengths=np.column_stack((first, self.lengths - first)).ravel(),
-            sample_times=np.repeat(self.sample_times, 2),
-            start_times=np.column_stack(
-                (self.start_times, self.start_times + first * self.sample_times)
-            ).ravel(),
-            recordings=np.repeat(self.recordings, 2),
+            twice,
+            starts=twice.starts + skipped,
+            lengths=np.where(skipped > 0, twice.lengths - skipped, twice.lengths // 2),
+            start_times=twice.start_times + skipped * twice.sample_times,
         )
 
     @cached_property
@@ -174,14 +171,8 @@ class Segments:
 
     def at(self, places: NDArray[np.int64] | NDArray[np.bool_]) -> "Segments":
         """Return the segments at some indices or under a mask."""
-        return replace(
-            self,
-            starts=self.starts[places],
-            lengths=self.lengths[places],
-            sample_times=self.sample_times[places],
-            start_times=self.start_times[places],
-            recordings=self.recordings[places],
-        )
+        names = ("starts", "lengths", "sample_times", "start_times", "recordings")
+        return replace(self, **{name: getattr(self, name)[places] for name in names})
 
     def first_blocks(self, duration: float) -> NDArray[np.int64]:
         """Return the index of each segment's first block, then the number of blocks."""
@@ -203,14 +194,10 @@ class Segments:
     def by_recording(self) -> list[tuple[slice, float]]:
         """Return slice of the samples, and sample time, of every recording that has segments."""
         own = np.searchsorted(self.recording_starts, self.starts[self.firsts], side="right")
+        edges = self.recording_starts.tolist()
+        times = self.sample_times[self.firsts].tolist()
         return [
-            (slice(a, b), h)
-            for a, b, h in zip(
-                self.recording_starts[own - 1].tolist(),
-                self.recording_starts[own].tolist(),
-                self.sample_times[self.firsts].tolist(),
-                strict=True,
-            )
+            (slice(edges[i - 1], edges[i]), h) for i, h in zip(own.tolist(), times, strict=True)
         ]
 
 
@@ -225,33 +212,31 @@ def divide(
     margins = [round(margin / recording.sample_time) for recording in recordings]
     kept = [len(recording) - 2 * m for recording, m in zip(recordings, margins, strict=True)]
     places = [i for i, count in enumerate(kept) if count >= FEWEST_SAMPLES]
-    usable = [recordings[i] for i in places]
-    if not usable:
+    if not places:
         raise SettingError(
             "samples", f"no recording has {FEWEST_SAMPLES} samples in a row: give a longer log"
         )
-    starts, lengths, sample_times, start_times, outputs = [], [], [], [], []
-    first = 0
-    for place, recording in zip(places, usable, strict=True):
-        wanted = round(kept[place] * recording.sample_time / duration)
+    recording_starts, parts = [0], []
+    for place in places:
+        recording, h = recordings[place], recordings[place].sample_time
+        wanted = round(kept[place] * h / duration)
         count = max(1, min(wanted, kept[place] // FEWEST_SAMPLES))
         ends = margins[place], margins[place] + kept[place]
         edges = np.linspace(*ends, count + 1).round().astype(np.int64)
-        starts.append(first + edges[:-1])
-        lengths.append(np.diff(edges))
-        sample_times.append(np.full(count, recording.sample_time))
-        start_times.append(recording.start_time + recording.sample_time * edges[:-1])
-        outputs.append(recording.positions)
-        first += len(recording)
+        starts, times = recording_starts[-1] + edges[:-1], recording.start_time + h * edges[:-1]
+        parts.append((starts, np.diff(edges), np.full(count, h), times, np.full(count, place)))
+        recording_starts.append(recording_starts[-1] + len(recording))
+    starts, lengths, sample_times, start_times, own = map(np.concatenate, zip(*parts, strict=True))
+    used = [recordings[place] for place in places]
+    signals = [recording.positions for recording in used], [recording.inputs for recording in used]
     return Segments(
-        np.concatenate(starts),
-        np.concatenate(lengths),
-        np.concatenate(([0], np.cumsum([len(recording) for recording in usable]))),
-        np.concatenate(sample_times),
-        np.concatenate(start_times),
-        np.repeat(np.array(places, dtype=np.int64), [len(part) for part in starts]),
-        np.ascontiguousarray(np.concatenate(outputs), dtype=np.float64),
-        np.ascontiguousarray(np.concatenate([p.inputs for p in usable]), dtype=np.float64),
+        starts,
+        lengths,
+        np.array(recording_starts),
+        sample_times,
+        start_times,
+        own,
+        *(np.ascontiguousarray(np.concatenate(each), dtype=np.float64) for each in signals),
     )
 
 
@@ -314,21 +299,14 @@ def in_threads(
 def side_by_side(of: Callable[[A], B], each: Iterable[A], threads: int | None = None) -> list[B]:
     """Return a function's results in order, computed in `threads` threads or on all cores."""
     every = [*each]
-    shares = Shares(len(every))
-
-    def run(place: int) -> B:
-        with shares.of(place):
-            return of(every[place])
-
     threads = min(threads or cores(), len(every))
-    places = range(len(every))
-    if threads < 2:
-        found = [*map(run, places)]
-    else:
-        with ThreadPoolExecutor(threads) as pool:
-            found = [*pool.map(run, places)]
-    shares.settle()
-    return found
+    with shared(len(every)) as own_budget, ThreadPoolExecutor(max(threads, 1)) as pool:
+
+        def run(place: int) -> B:
+            with own_budget(place):
+                return of(every[place])
+
+        return [*(map if threads < 2 else pool.map)(run, range(len(every)))]
 
 
 def cores() -> int:
