@@ -44,35 +44,34 @@ def load_kernel(
     key = (_generator_digest(), task, *declarations, "", *templates)
     with _LOADING:
         if key not in _LOADED:
-            directory = cache_directory()
             try:
-                _LOADED[key] = _load(directory, task, declarations, build, templates)
+                _LOADED[key] = _load(task, declarations, build, templates)
             except (OSError, NotImplementedError) as error:  # the latter without file locks
                 reason = getattr(error, "strerror", None) or error
                 raise SettingError(
                     "cache",
-                    f"{directory} cannot be written ({reason}): make room there, or set "
+                    f"{cache_directory()} cannot be written ({reason}): make room there, or set "
                     f"{CACHE_VARIABLE} to another folder",
                 ) from None
         return _LOADED[key]
 
 
 def _load(
-    directory: Path,
     task: str,
     declarations: Sequence[str],
     build: Callable[[], str] | None,
     templates: Sequence[str],
 ) -> ModuleType:
     """Import a kernel that this process has not loaded yet."""
-    text = "" if build is None else _shipped(task, declarations)
-    if text is None and build is not None:
+    directory, text = cache_directory(), ""
+    if build is not None:
         derived = f"{task}_{_digest(_generator_digest(), *declarations)}.py"
-        text = _read_or_make(directory / "derived" / derived, build)
+        shipped = _shipped(task, declarations)
+        text = shipped or _read_or_make(directory / "derived" / derived, build)
     # The template with the decorators must come before the first function.
     needed = sorted(with_needed(templates), key=lambda template: template != "compiled")
     texts = [*map(template, needed)]
-    texts.insert(needed[:1] == ["compiled"], text or "")
+    texts.insert(needed[:1] == ["compiled"], text)
     source = "\n\n".join(texts)
     name = f"flexid_{task}_{_digest(source)}"
     if name in sys.modules:
@@ -152,41 +151,39 @@ def _lock(path: Path) -> Any:
     return FileLock(path.with_suffix(".lock"))
 
 
-class _LockedCompilation:
-    """Loader of a function's compiled code; one process at a time compiles and saves it."""
+def _lock_compilation(cache: Any, path: Path) -> None:
+    """Let one process at a time compile and save a function of a kernel."""
+    load_unlocked, save_unlocked = cache.load_overload, cache.save_overload
+    compiling = ExitStack()
 
-    def __init__(self, cache: Any, path: Path) -> None:
-        self._path = path
-        self._load, self._save = cache.load_overload, cache.save_overload
-        self._compiling = ExitStack()
-        cache.load_overload, cache.save_overload = self.load, self.save
+    def load_if_saved(*arguments: object) -> Any:
+        try:
+            return load_unlocked(*arguments)
+        # The index names a type of another kernel that this process has not loaded.
+        except ImportError:
+            with _lock(path):
+                _discard_compiled(path)
+            return None
 
-    def load(self, *arguments: object) -> Any:
+    def load(*arguments: object) -> Any:
         """Return the compiled code, or None; numba then compiles and saves it."""
-        found = self._loaded(*arguments)
+        found = load_if_saved(*arguments)
         if found is None:
             # numba reads the index, adds a signature, writes it back: two processes would lose one.
-            self._compiling.enter_context(_lock(self._path))
-            found = self._loaded(*arguments)  # unless another process has just saved it
+            compiling.enter_context(_lock(path))
+            found = load_if_saved(*arguments)  # unless another process has just saved it
             if found is not None:
-                self._compiling.close()
+                compiling.close()
             else:
                 _announce()
         return found
 
-    def _loaded(self, *arguments: object) -> Any:
-        try:
-            return self._load(*arguments)
-        # The index names a type of another kernel that this process has not loaded.
-        except ImportError:
-            with _lock(self._path):
-                _discard_compiled(self._path)
-            return None
-
-    def save(self, *arguments: object) -> None:
+    def save(*arguments: object) -> None:
         """Save compiled code; on a full disk only this process uses it."""
-        with self._compiling.pop_all(), suppress(OSError):
-            self._save(*arguments)
+        with compiling.pop_all(), suppress(OSError):
+            save_unlocked(*arguments)
+
+    cache.load_overload, cache.save_overload = load, save
 
 
 @cache
@@ -221,12 +218,7 @@ def with_needed(templates: Sequence[str]) -> tuple[str, ...]:
 
 def cache_directory() -> Path:
     """Return the folder of the kernels: ``$FLEXID_CACHE_DIR``, or the user's cache."""
-    return Path(os.environ.get(CACHE_VARIABLE) or _user_cache_directory())
-
-
-@cache
-def _user_cache_directory() -> str:
-    return platformdirs.user_cache_dir("flexid")
+    return Path(os.environ.get(CACHE_VARIABLE) or platformdirs.user_cache_dir("flexid"))
 
 
 def _digest(*parts: str) -> str:
@@ -267,5 +259,5 @@ def _import(name: str, path: Path, source: str) -> ModuleType:
     for value in vars(module).values():  # functions that are compiled at their first call
         own_cache: Any = getattr(value, "_cache", None)
         if hasattr(own_cache, "save_overload"):
-            _LockedCompilation(own_cache, path)
+            _lock_compilation(own_cache, path)
     return module
