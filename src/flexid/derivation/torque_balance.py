@@ -3,6 +3,7 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations_with_replacement
 from typing import cast
 
 import sympy as sp
@@ -14,13 +15,19 @@ from flexid.derivation.symbolic import symbol, to_sympy
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
 
+# Functions for memories and corners, which a torque balance does not have.
+_UNUSED = (
+    "corners(_x, _p, _c, _k)",
+    "remember(_x, _start, _p)",
+    "memory_slopes(_x, _start, _p, _at, _b, _q)",
+)
 _INLINED = 2  # largest number of joints for which functions are inlined
 
 
 # With Σ_k π_k φ_k(q, v, a, u) = 0 the mass matrix M = ∂/∂a is linear in π, and at its solution a
 #     ∂a/∂π_k = -M⁻¹ φ_k,        ∂a/∂x = -M⁻¹ ∂(Σ_k π_k φ_k)/∂x at fixed a.
-# Rows that stick are removed from M. It is factorised as L D Lᵀ without its zeros, motors first:
-# they are coupled to links alone. The functions have the same arguments as in `sensitivities`.
+# Rows that stick are removed from M. It is inverted in place without its zeros, motors first: they
+# are coupled to links alone. The functions have the same arguments as in `sensitivities`.
 @dataclass(frozen=True)
 class SymbolicBalance:
     """Torque balance in symbols."""
@@ -47,27 +54,20 @@ class SymbolicBalance:
         """Indices of the rows."""
         return range(len(self.balance.rows))
 
-    @property
-    def dry(self) -> list[int]:
-        """Indices of the rows with a mode, which can stick."""
-        return [
-            row
-            for row in self.rows
-            if any(row in c and c[row].has(mode_of(row)) for c in self.columns)
-        ]
-
     @cached_property
-    def order(self) -> list[int]:
-        """Indices of the rows in the order of elimination: motors first."""
-        return [*self.rows[1::2], *self.rows[::2]]
+    def dry(self) -> tuple[tuple[int, ...], ...]:
+        """Indices of the parameters of dry friction in each row; a row without one never sticks."""
+        return tuple(
+            tuple(k for k, c in enumerate(self.columns) if row in c and c[row].has(mode_of(row)))
+            for row in self.rows
+        )
 
     @cached_property
     def mass(self) -> dict[tuple[int, int], sp.Expr]:
-        """Nonzero entries of M by row and column, the lower half in the order of elimination."""
+        """Nonzero entries of M by row and column, the lower half."""
         found = {
             (i, j): sp.diff(self.sums[i], _acceleration(j))
-            for place, i in enumerate(self.order)
-            for j in self.order[: place + 1]
+            for i, j in combinations_with_replacement(reversed(self.rows), 2)
         }
         return {place: entry for place, entry in found.items() if entry != 0}
 
@@ -82,61 +82,31 @@ class SymbolicBalance:
 
     def moved(self, column: Collection[int]) -> list[int]:
         """Return the rows whose accelerations depend on some rows' balances."""
-        _, names = self.inverse
-        return [i for i in self.rows if any((i, j) in names for j in column)]
+        _, known = self.inverse
+        return [i for i in self.rows if any(_entry(i, j) in known for j in column)]
 
     @cached_property
-    def inverse(self) -> tuple[list[str], dict[tuple[int, int], str]]:
-        """Lines that compute M⁻¹ from ``_M{i}_{j}``, and the names of its entries."""
+    def inverse(self) -> tuple[list[str], set[str]]:
+        """Lines that replace M by -M⁻¹ with the sweep operator, and the names of its entries."""
         lines: list[str] = []
-        lower: dict[tuple[int, int], str] = {}
-        order = self.order
-        for b, j in enumerate(order):
-            for i in order[b:]:
-                terms = [f"_M{i}_{j}"] if (i, j) in self.mass else []
-                terms += [
-                    f"- {lower[i, k]} * {lower[j, k]} * _D{k}"
-                    for k in order[:b]
-                    if {(i, k), (j, k)} <= lower.keys()
-                ]
-                if i == j:
-                    lines += [f"_D{j} = {' '.join(terms)}", f"_I{j} = 1.0 / _D{j}"]
-                elif terms:
-                    lower[i, j] = f"_L{i}_{j}"
-                    lines.append(f"_L{i}_{j} = ({' '.join(terms)}) * _I{j}")
-        return lines, self._inverted(lines, lower)
+        known = {_entry(i, j) for i, j in self.mass}
+        for k in (*self.rows[1::2], *self.rows[::2]):
+            near = [i for i in self.rows if i != k and _entry(i, k) in known]
+            lines.append(f"_I = 1.0 / {_entry(k, k)}")
+            lines += [f"_C{i} = {_entry(i, k)} * _I" for i in near]
+            for i, j in combinations_with_replacement(near, 2):
+                entry = _entry(i, j)
+                before = entry if entry in known else "0.0"
+                lines.append(f"{entry} = {before} - _C{i} * {_entry(j, k)}")
+                known.add(entry)
+            lines += [f"{_entry(i, k)} = _C{i}" for i in near]
+            lines.append(f"{_entry(k, k)} = -_I")
+        return lines, known
 
-    def _inverted(
-        self, lines: list[str], lower: dict[tuple[int, int], str]
-    ) -> dict[tuple[int, int], str]:
-        """Add lines for M⁻¹ = L⁻ᵀ D⁻¹ L⁻¹, with L⁻¹ named ``_R``; return the names of M⁻¹."""
-        order = self.order
-        root: dict[tuple[int, int], str] = {}
-        for a, j in enumerate(order):
-            for b in range(a + 1, len(order)):
-                i = order[b]
-                terms = [f"- {lower[i, j]}"] if (i, j) in lower else []
-                terms += [
-                    f"- {lower[i, k]} * {root[k, j]}"
-                    for k in order[a + 1 : b]
-                    if (i, k) in lower and (k, j) in root
-                ]
-                if terms:
-                    root[i, j] = f"_R{i}_{j}"
-                    lines.append(f"_R{i}_{j} = {' '.join(terms)}")
-        names: dict[tuple[int, int], str] = {}
-        root |= {(i, i): "" for i in order}
-        for a, i in enumerate(order):
-            for j in order[: a + 1]:
-                terms = [
-                    " * ".join(t for t in (root[k, i], root[k, j], f"_I{k}") if t)
-                    for k in order[a:]
-                    if {(k, i), (k, j)} <= root.keys()
-                ]
-                if terms:
-                    names[i, j] = names[j, i] = f"_W{i}_{j}"
-                    lines.append(f"_W{i}_{j} = {' + '.join(terms)}")
-        return names
+
+def _entry(i: int, j: int) -> str:
+    """Return the name of an entry of the symmetric matrix M, and later of -M⁻¹."""
+    return f"_M{max(i, j)}_{min(i, j)}"
 
 
 def symbolic_balance(balance: TorqueBalance) -> SymbolicBalance:
@@ -193,37 +163,19 @@ def _of_body(term: BodyTerm, balance: TorqueBalance) -> dict[int, sp.Expr]:
 def balance_functions(balance: TorqueBalance) -> str:
     """Return the functions of `sensitivity_functions`, and ``columns``: f[sample, row, k] = φ_k."""
     symbolic = symbolic_balance(balance)
+    moved = [symbolic.moved(column) for column in symbolic.by_state]  # rows, by state
+    width = width_of(len(balance.states), len(balance.coefficients), len(balance.rows))
     parts = (
         module_header(cast(ParametricSystem, balance), "Segmented prediction error"),
-        _sizes(balance),
-        _dry(symbolic),
+        f"N_MEMORIES = 0\nN_CORNERS = 0\nWIDTH = {width}\n",
+        f"DRY = {symbolic.dry!r}\n",
         _rates(symbolic),
-        _empty_functions(),
+        *(function(head, "Do nothing.", "    pass", decorator="inlined") for head in _UNUSED),
         _slopes(symbolic),
-        variation(_patterns(symbolic)),
+        variation([[s for s, rows in enumerate(moved) if row in rows] for row in symbolic.rows]),
         _columns(symbolic),
     )
     return "\n\n".join(parts)
-
-
-def _sizes(balance: TorqueBalance) -> str:
-    width = width_of(len(balance.states), len(balance.coefficients), len(balance.rows))
-    return f"N_MEMORIES = 0\nN_CORNERS = 0\nWIDTH = {width}\n"
-
-
-def _dry(symbolic: SymbolicBalance) -> str:
-    places = tuple(
-        tuple(k for k, c in enumerate(symbolic.columns) if row in c and c[row].has(mode_of(row)))
-        for row in symbolic.rows
-    )
-    return f"DRY = {places!r}\n"
-
-
-def _empty_functions() -> str:
-    """Empty functions for memories and corners, which a torque balance does not have."""
-    heads = ("corners(_x, _p, _c, _k)", "remember(_x, _start, _p)")
-    heads += ("memory_slopes(_x, _start, _p, _at, _b, _q)",)
-    return "\n\n".join(function(h, "Do nothing.", "    pass", decorator="inlined") for h in heads)
 
 
 def _variables(balance: TorqueBalance) -> tuple[str, ...]:
@@ -238,24 +190,18 @@ def _variables(balance: TorqueBalance) -> tuple[str, ...]:
 
 def _solved(symbolic: SymbolicBalance) -> tuple[str, ...]:
     """Lines that compute M, M⁻¹ and accelerations ``_a{row}``, which are 0 in rows that stick."""
-    dry, rows, mass = symbolic.dry, symbolic.rows, symbolic.mass
+    rows, mass = symbolic.rows, symbolic.mass
+    dry = [row for row in rows if symbolic.dry[row]]
     still = [(_acceleration(i), 0) for i in rows]
     rest = [cast(sp.Expr, total.subs(still)) for total in symbolic.sums]
-    targets = [f"_M{i}_{j}" for i, j in mass]
-    targets += [f"_h{i}" for i in rows]
+    targets = [_entry(i, j) for i, j in mass] + [f"_h{i}" for i in rows]
     lines = [f"_free{i} = 0.0 if _m{i} == 0.0 else 1.0" for i in dry]
-    for i, j in mass:
-        factors = [f"_free{k}" for k in {i, j} if k in dry] if i != j else []
-        if factors:
-            lines.append(f"_M{i}_{j} *= {' * '.join(sorted(factors))}")
-    inverted, names = symbolic.inverse
-    lines += inverted
+    lines += [f"{_entry(i, j)} *= _free{k}" for i, j in mass for k in {i, j} & {*dry} if i != j]
+    inverted, known = symbolic.inverse
+    lines += [*inverted, *(f"_h{i} *= _free{i}" for i in dry)]
     for i in rows:
-        if i in dry:
-            lines.append(f"_h{i} *= _free{i}")
-    for i in rows:
-        products = [f"{names[i, j]} * _h{j}" for j in rows if (i, j) in names]
-        lines.append(f"_a{i} = -({' + '.join(products)})")
+        products = [f"{_entry(i, j)} * _h{j}" for j in rows if _entry(i, j) in known]
+        lines.append(f"_a{i} = {' + '.join(products)}")
     return (
         unpack("_p", symbolic.parameters),
         assignments(targets, [*mass.values(), *rest]),
@@ -284,15 +230,9 @@ def _decorator(balance: TorqueBalance) -> str:
     return "inlined" if balance.joints <= _INLINED else "uncounted"
 
 
-def _patterns(symbolic: SymbolicBalance) -> list[list[int]]:
-    """Indices of the states on which each acceleration depends."""
-    moved = [symbolic.moved(column) for column in symbolic.by_state]
-    return [[state for state, rows in enumerate(moved) if row in rows] for row in symbolic.rows]
-
-
 def _slopes(symbolic: SymbolicBalance) -> str:
     balance = symbolic.balance
-    _, names = symbolic.inverse
+    _, known = symbolic.inverse
     targets: list[str] = []
     expressions: list[sp.Expr] = []
     lines: list[str] = []
@@ -303,22 +243,18 @@ def _slopes(symbolic: SymbolicBalance) -> str:
             targets.append(f"_{name}_{j}")
             expressions.append(value)
         for i in symbolic.moved(column):
-            products = [f"{names[i, j]} * _{name}_{j}" for j in column if (i, j) in names]
-            lines.append(f"    {place.format(i)} = -({' + '.join(products)})")
+            near = [j for j in column if _entry(i, j) in known]
+            products = [f"{_entry(i, j)} * _{name}_{j}" for j in near]
+            lines.append(f"    {place.format(i)} = {' + '.join(products)}")
 
     for state, column in enumerate(symbolic.by_state):
         solve(column, f"s{state}", f"_a[{{}} * N_STATES + {state}]")
     for k, column in enumerate(symbolic.columns):
         solve(column, f"k{k}", f"_r[{{}} * WIDTH + _at[{k}]]")
-    delayed = []
-    for i in symbolic.rows:
-        gains = []
-        for k, (_, joint, term) in enumerate(balance.placed()):
-            if isinstance(term, JointTerm) and term.place == "input":
-                motor = 2 * joint - 1
-                if (i, motor) in names:
-                    gains.append(f"{names[i, motor]} * _p{k} * _du[{joint - 1}]")
-        delayed.append(f"        _r[{i} * WIDTH + _delay] = {' + '.join(gains) or '0.0'}")
+    inputs = [(symbol(u), sp.Symbol(f"_du[{j}]")) for j, u in enumerate(balance.inputs)]
+    delayed = (sp.Add(*(sp.diff(total, u) * du for u, du in inputs)) for total in symbolic.sums)
+    column = {row: slope for row, slope in enumerate(delayed) if slope != 0}
+    solve(column, "d", "_r[{} * WIDTH + _delay]")  # in column 0, which is unused, without a delay
     return function(
         "slopes(_x, _u, _du, _m, _p, _c, _at, _delay, _a, _r)",
         "Derivatives of the accelerations: _a by the states, _r by the rest.",
@@ -326,8 +262,6 @@ def _slopes(symbolic: SymbolicBalance) -> str:
         *_solved(symbolic),
         assignments(targets, expressions),
         "\n".join(lines),
-        "    if _delay:",
-        "\n".join(delayed),
         decorator=_decorator(balance),
     )
 
