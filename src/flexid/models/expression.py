@@ -157,15 +157,14 @@ class _Folder:
         # Only literal exponents: the computer algebra would never finish with a power tower.
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
             node = node.operand
-        if (
-            isinstance(node, ast.BinOp)
-            and isinstance(node.op, ast.Div)
-            and isinstance(node.left, ast.Constant)
-            and isinstance(node.right, ast.Constant)
-        ):
-            node = node.left
-        value = node.value if isinstance(node, ast.Constant) else None
-        if not isinstance(value, int | float) or abs(value) > _MAX_EXPONENT:
+        match node:
+            case ast.Constant(int() | float() as value):
+                pass
+            case ast.BinOp(ast.Constant(int() | float() as value), ast.Div(), ast.Constant()):
+                pass
+            case _:
+                value = math.inf
+        if abs(value) > _MAX_EXPONENT:
             raise self.refuse(f"an exponent must be a number between ±{_MAX_EXPONENT}")
 
     def call(self, node: ast.Call, depth: int):

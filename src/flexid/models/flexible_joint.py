@@ -63,23 +63,15 @@ class Term:
         return (*self.link, *self.motor, *((self.nonlinear,) if self.nonlinear else ()))
 
 
-def declared_row(
+def _declared(
     name: str,
-    coordinate: str,
-    velocity: str,
-    regressors: Mapping[str, str],
-    known: Collection[str],
-) -> Row:
-    """Declare a row; terms of known coefficients go to its known part."""
-    unknown = {c: r for c, r in regressors.items() if c not in known}
-    known_part = " + ".join(f"{c}*({r})" for c, r in regressors.items() if c in known)
-    return Row(name, coordinate, velocity, unknown, known_part or "0")
-
-
-def model_constants(
-    regressors: Mapping[str, str], known: Mapping[str, float], coulomb_velocity: float
-) -> dict[str, float]:
-    """Return the constants of a model: known coefficients, and the smoothing velocity if used."""
+    rows: Mapping[str, tuple[str, str, Mapping[str, str]]],  # coordinate, velocity, regressors
+    known: Mapping[str, float],
+    coulomb_velocity: float,
+    memories: tuple[Memory, ...] = (),
+) -> ParametricSystem:
+    """Declare a joint; terms of known coefficients go to the known parts of their rows."""
+    regressors = {c: r for _, _, own in rows.values() for c, r in own.items()}
     for coefficient in known:
         if coefficient not in regressors:
             raise SettingError(
@@ -88,8 +80,24 @@ def model_constants(
             )
     if not (isfinite(coulomb_velocity) and coulomb_velocity > 0):
         raise SettingError(SMOOTHING, f"{coulomb_velocity:g} is not positive: give a velocity")
-    smoothed = any(SMOOTHING in regressor for regressor in regressors.values())
-    return dict(known) | ({SMOOTHING: coulomb_velocity} if smoothed else {})
+    defaults = {SMOOTHING: coulomb_velocity}
+    defaults |= {constant: value for constant, (value, _) in DECLARED["constants"].items()}
+    used = " ".join(regressors.values())
+    return ParametricSystem(
+        name,
+        tuple(
+            Row(
+                row,
+                coordinate,
+                velocity,
+                {c: r for c, r in own.items() if c not in known},
+                " + ".join(f"{c}*({r})" for c, r in own.items() if c in known) or "0",
+            )
+            for row, (coordinate, velocity, own) in rows.items()
+        ),
+        constants={**known, **{c: value for c, value in defaults.items() if c in used}},
+        memories=memories,
+    )
 
 
 def with_dry_friction(system: ParametricSystem) -> ParametricSystem:
@@ -265,7 +273,6 @@ def flexible_joint(
     SettingError
         If a term or a known coefficient does not exist, or the velocity is not positive.
     """
-    known = dict(known or {})
     every = TERMS | SHAPE_TERMS
     terms = (terms,) if isinstance(terms, str) else terms
     check_names("terms", terms, every)
@@ -273,20 +280,9 @@ def flexible_joint(
     chosen += [term for name, term in every.items() if name in terms and name != "gravity"]
     link = {c: r for term in chosen for c, r in term.link.items()}
     motor = {c: r for term in chosen for c, r in term.motor.items()} | {"beta1": "u"}
-    return ParametricSystem(
-        "flexible joint",
-        (
-            declared_row("link", "x1", "x2", link, known),
-            declared_row("motor", "x3", "x4", motor, known),
-        ),
-        constants=model_constants(link | motor, known, coulomb_velocity)
-        | {
-            name: value
-            for name, (value, _) in DECLARED["constants"].items()
-            if any(name in regressor for regressor in (link | motor).values())
-        },
-        memories=tuple(term.memory for term in chosen if term.memory),
-    )
+    rows = {"link": ("x1", "x2", link), "motor": ("x3", "x4", motor)}
+    memories = tuple(term.memory for term in chosen if term.memory)
+    return _declared("flexible joint", rows, known or {}, coulomb_velocity, memories)
 
 
 RIGID_TERMS: dict[str, dict[str, str]] = {
@@ -329,15 +325,11 @@ def rigid_joint(
     SettingError
         If a term or a known coefficient does not exist, or the velocity is not positive.
     """
-    known = dict(known or {})
     check_names("terms", terms, RIGID_TERMS)
     chosen = [regressors for name, regressors in RIGID_TERMS.items() if name in terms]
     regressors = {c: r for term in chosen for c, r in term.items()} | {"beta1": "u"}
-    return ParametricSystem(
-        "rigid joint",
-        (declared_row("rigid", "x1", "x2", regressors, known),),
-        constants=model_constants(regressors, known, coulomb_velocity),
-    )
+    rows = {"rigid": ("x1", "x2", regressors)}
+    return _declared("rigid joint", rows, known or {}, coulomb_velocity)
 
 
 def joint_model(

@@ -119,10 +119,8 @@ class ParametricSystem:
     nonlinear: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "rows", tuple(self.rows))
-        object.__setattr__(self, "inputs", tuple(self.inputs))
-        object.__setattr__(self, "memories", tuple(self.memories))
-        object.__setattr__(self, "nonlinear", tuple(self.nonlinear))
+        for name in ("rows", "inputs", "memories", "nonlinear"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         object.__setattr__(self, "constants", {c: float(v) for c, v in self.constants.items()})
         if not self.rows:
             raise ModelError(self.name, "has no rows: declare at least one")
@@ -137,8 +135,7 @@ class ParametricSystem:
                 raise ModelError(self.name, f"{name!r} is reserved: choose another name")
             if names.count(name) > 1:
                 raise ModelError(self.name, f"{name!r} is declared twice: rename one")
-        row_names = [row.name for row in self.rows]
-        if len(set(row_names)) != len(row_names):
+        if len({row.name for row in self.rows}) != len(self.rows):
             raise ModelError(self.name, "two rows have the same name: rename one")
         for row in self.rows:
             if not row.regressors:

@@ -1,7 +1,7 @@
 """Physical parameters of a joint from its lumped coefficients and back, with their derivatives."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import atan2, hypot, inf, nan, pi, prod
 from typing import Any, Literal
 
@@ -35,14 +35,12 @@ class Product:
         self, coefficients: Mapping[str, float], names: Collection[str]
     ) -> NDArray[np.float64]:
         """Return the derivatives of the value by the named coefficients, shape (n_names,)."""
-        return np.array([self._derivative(name, coefficients) for name in names])
-
-    def _derivative(self, name: str, coefficients: Mapping[str, float]) -> float:
-        power = self.exponents.get(name, 0)
-        if power == 0:
-            return 0.0
-        lowered = Product(self.name, self.unit, {**self.exponents, name: power - 1})
-        return power * lowered.value(coefficients)
+        found = np.zeros(len(names))
+        for place, name in enumerate(names):
+            if power := self.exponents.get(name, 0):
+                lowered = replace(self, exponents={**self.exponents, name: power - 1})
+                found[place] = power * lowered.value(coefficients)
+        return found
 
 
 @dataclass(frozen=True)
