@@ -94,21 +94,17 @@ def _model_function(
     return function(
         signature,
         what,
-        unpack_variables(symbolic),
+        *unpack_variables(symbolic),
         unpack("_p", symbolic.coefficients),
         assignments([*values], [*values.values()], of_arrays=not decorator),
         decorator=decorator,
     )
 
 
-def unpack_variables(symbolic: SymbolicSystem) -> str:
+def unpack_variables(symbolic: SymbolicSystem) -> list[str]:
     """Return lines that unpack states _x, inputs _u and constants _c into variables."""
-    blocks = (
-        unpack("_x", symbolic.states),
-        unpack("_u", symbolic.inputs),
-        unpack("_c", symbolic.constants),
-    )
-    return "\n".join(block for block in blocks if block)
+    arrays = {"_x": symbolic.states, "_u": symbolic.inputs, "_c": symbolic.constants}
+    return [unpack(array, symbols) for array, symbols in arrays.items()]
 
 
 def _jump(row: SymbolicRow) -> sp.Expr:
@@ -216,7 +212,7 @@ def _sampled_parts(symbolic: SymbolicSystem, parts: list[RegressorParts], decora
     return function(
         "sampled_parts(_x, _u, _c, _g)",
         "Signals at one sample, without the terms linear in velocities; _c: constants.",
-        unpack_variables(symbolic),
+        *unpack_variables(symbolic),
         assignments(
             [f"_g[{i}]" for i in range(len(parts))],
             [part.memoryless + part.remainder for part in parts],

@@ -28,15 +28,19 @@ _CHEAP = (sp.sin, sp.cos, sp.Abs, sp.sign)  # functions compiled without a call
 def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
     """Return the header, ``WIDTH``, ``DRY`` and the functions of the state and its derivatives."""
     symbolic = _with_modes(symbolic_system(system))
+    width = width_of(len(symbolic.states), len(symbolic.coefficients), len(symbolic.rows))
     parts = (
-        _sizes(symbolic),
+        f"N_MEMORIES = {len(symbolic.memories)}\nWIDTH = {width}\n",
         _dry(symbolic),
         _rates(symbolic),
         _corners(symbolic),
         _remember(symbolic),
         _slopes(symbolic),
         _memory_slopes(symbolic),
-        _vary(symbolic),
+        variation(
+            [list(jacobian) for _, jacobian in _equations(symbolic)[: len(symbolic.rows)]],
+            [sorted(_path_slopes(symbolic, memory)) for memory in symbolic.memories],
+        ),
     )
     return "\n\n".join((module_header(system, purpose), *parts))
 
@@ -67,11 +71,6 @@ def _dry(symbolic: SymbolicSystem) -> str:
         places.append((*own, *([KNOWN] if row.known.has(mode_of(j)) else [])))
         first += len(row.regressor)
     return f"DRY = {tuple(places)!r}\n"
-
-
-def _sizes(symbolic: SymbolicSystem) -> str:
-    width = width_of(len(symbolic.states), len(symbolic.coefficients), len(symbolic.rows))
-    return f"N_MEMORIES = {len(symbolic.memories)}\nWIDTH = {width}\n"
 
 
 def width_of(states: int, coefficients: int, rows: int) -> int:
@@ -228,19 +227,9 @@ def _memory_slopes(symbolic: SymbolicSystem) -> str:
 
 def _equations(symbolic: SymbolicSystem) -> list[tuple[sp.Expr, dict[int, sp.Expr]]]:
     """Rates of velocities and memories, each with its derivatives by index of the state."""
-    rates = [row.acceleration for row in symbolic.rows]
-    rates += [memory.rate for memory in symbolic.memories]
-    return [
-        (
-            rate,
-            {
-                place: derivative(rate, state)
-                for place, state in enumerate(symbolic.states)
-                if rate.has(state)
-            },
-        )
-        for rate in rates
-    ]
+    rates = [e.acceleration for e in symbolic.rows] + [e.rate for e in symbolic.memories]
+    states = [*enumerate(symbolic.states)]
+    return [(r, {place: derivative(r, x) for place, x in states if r.has(x)}) for r in rates]
 
 
 def _slopes(symbolic: SymbolicSystem) -> str:
@@ -272,13 +261,6 @@ def _slopes(symbolic: SymbolicSystem) -> str:
         "\n".join(delayed) or "        pass",
         decorator="inlined",
     )
-
-
-def _vary(symbolic: SymbolicSystem) -> str:
-    rows = len(symbolic.rows)
-    patterns = [list(jacobian) for _, jacobian in _equations(symbolic)[:rows]]
-    paths = [sorted(_path_slopes(symbolic, memory)) for memory in symbolic.memories]
-    return variation(patterns, paths)
 
 
 def variation(patterns: Sequence[Sequence[int]], paths: Sequence[Sequence[int]] = ()) -> str:

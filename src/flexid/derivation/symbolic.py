@@ -75,27 +75,12 @@ class SymbolicSystem:
 
     system: ParametricSystem
     rows: tuple[SymbolicRow, ...]
-    memories: tuple[SymbolicMemory, ...] = ()
-
-    @property
-    def states(self) -> tuple[sp.Symbol, ...]:
-        """State symbols, in order."""
-        return tuple(symbol(name) for name in self.system.states)
-
-    @property
-    def inputs(self) -> tuple[sp.Symbol, ...]:
-        """Input symbols, in order."""
-        return tuple(symbol(name) for name in self.system.inputs)
-
-    @property
-    def constants(self) -> tuple[sp.Symbol, ...]:
-        """Symbols of the known constants, in order."""
-        return tuple(symbol(name) for name in self.system.constants)
-
-    @property
-    def coefficients(self) -> tuple[sp.Symbol, ...]:
-        """Symbols of all unknown coefficients, in order."""
-        return tuple(symbol(name) for name in self.system.coefficients)
+    memories: tuple[SymbolicMemory, ...]
+    # of each kind in order; coefficients are the unknown ones, constants are known
+    states: tuple[sp.Symbol, ...]
+    inputs: tuple[sp.Symbol, ...]
+    constants: tuple[sp.Symbol, ...]
+    coefficients: tuple[sp.Symbol, ...]
 
     @property
     def linear(self) -> tuple[sp.Symbol, ...]:
@@ -132,7 +117,8 @@ def symbolic_system(system: ParametricSystem) -> SymbolicSystem:
         path = to_sympy(memory.path, names, f"{system.name}: {memory.name}")
         rate = sp.Add(*(sp.diff(path, q) * v for q, v in rates.items()))
         memories.append(SymbolicMemory(symbol(memory.name), path, rate, symbol(memory.grip)))
-    return SymbolicSystem(system, rows, tuple(memories))
+    groups = (system.states, system.inputs, system.constants, system.coefficients)
+    return SymbolicSystem(system, rows, tuple(memories), *(tuple(map(symbol, g)) for g in groups))
 
 
 def derivative(expression: sp.Expr, state: sp.Symbol) -> sp.Expr:

@@ -14,6 +14,9 @@ def sampled_loop_source(declaration: LoopDeclaration) -> str:
     """Print the functions of a loop for the template ``sampled_loop``."""
     system = declaration.system
     symbolic = symbolic_system(system)
+    starts = (0, *(part.stop for _, part in system.row_slices()))
+    tracked = system.states.index(declaration.controller.tracked)
+    more_sizes = f"\nROW_STARTS = {starts}\nTRACKED = {tracked}\n"
     signals, law = control_law(declaration, symbolic)
     purpose = f"Sampled loop with {declaration.controller.name!r}"
     states, inputs = len(symbolic.states), len(symbolic.inputs)
@@ -22,7 +25,7 @@ def sampled_loop_source(declaration: LoopDeclaration) -> str:
     rates = {f"_d{i}": rate for i, rate in enumerate(symbolic.right_hand_side)}
     return "\n\n".join(
         (
-            sampled_observer_functions(system, purpose) + _sizes(declaration),
+            sampled_observer_functions(system, purpose) + more_sizes,
             _regressor_function(symbolic),
             *_tuple_functions(states, inputs, len(declaration.parameter_names)),
             loop_function(
@@ -45,13 +48,6 @@ def sampled_loop_source(declaration: LoopDeclaration) -> str:
             ),
         )
     )
-
-
-def _sizes(declaration: LoopDeclaration) -> str:
-    system = declaration.system
-    starts = (0, *(part.stop for _, part in system.row_slices()))
-    tracked = system.states.index(declaration.controller.tracked)
-    return f"\nROW_STARTS = {starts}\nTRACKED = {tracked}\n"
 
 
 def _tuple_functions(states: int, inputs: int, parameters: int) -> list[str]:
@@ -177,7 +173,7 @@ def _regressor_function(symbolic: SymbolicSystem) -> str:
     return function(
         "regressors(_x, _u, _c, _r, _k)",
         "Regressors _r and known parts _k of every row; _c holds the constants.",
-        unpack_variables(symbolic),
+        *unpack_variables(symbolic),
         assignments(targets, [*regressors, *(row.known for row in symbolic.rows)]),
     )
 
