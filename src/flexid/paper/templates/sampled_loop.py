@@ -58,20 +58,11 @@ def sense(x, draws, position, velocity, step):
 
 @njit(**within)
 def exceeds(values, limit):
-    """Return 1 if a magnitude exceeds the limit, else 0."""
+    """Return 1 if a magnitude exceeds the limit or is not a number, else 0."""
     for value in values:
-        if abs(value) > limit:
+        if not abs(value) <= limit:
             return 1
     return 0
-
-
-@njit(**within)
-def bounded(values):
-    """Return whether every number is finite and below `BOUND`."""
-    for value in values:
-        if not abs(value) < BOUND:
-            return False
-    return True
 
 
 @njit(**within)
@@ -147,7 +138,7 @@ def sampled_run(start, p, constants, sensors, drive, observer, count, record, to
             y = record[row]
             regressors(y, y[N_STATES:], constants, r, known)
             add_measures(n * h, 1.0, y[N_STATES:], y[ERRORS:], y[TRACKING], r, p[0], totals)
-        if not bounded(x):
+        if exceeds(x, BOUND):
             return DIVERGED, n + 1, cuts
     # An estimate that is not finite stays so, thus the last state is enough.
     status = FINISHED
