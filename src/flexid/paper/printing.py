@@ -1,7 +1,7 @@
 """Print the observer's equations, grouped as in the paper, in LaTeX, Python and C99."""
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -15,14 +15,8 @@ from flexid.derivation.drive_source import RESERVED, names_in_c
 from flexid.derivation.symbolic import FreshNames, symbol
 from flexid.paper.observer import VARIABLE, SymbolicObserver, graded_rule
 
-
-@dataclass(frozen=True)
-class _Row:
-    """Printed eqs. (2) and (3) of Huang (2003) for one row."""
-
-    estimates: dict[str, str]  # p̂ of eq. (2)
-    abbreviation: tuple[str, str]  # s, and its expression
-    rates: dict[sp.Symbol, str]  # y' of eq. (3), by y
+# Printed eqs. (2) and (3) of Huang (2003) for one row: each p̂, the sum s, and y' by y.
+_Row = tuple[dict[str, str], tuple[str, str], dict[sp.Symbol, str]]
 
 
 def fresh_names(observer: SymbolicObserver) -> FreshNames:
@@ -51,9 +45,8 @@ def _rows(
     names: FreshNames,  # from which the abbreviations are taken
     show: Callable[[sp.Expr], str],
     bracket: str,  # format of a gain times a sum
-) -> list[_Row]:
+) -> Iterator[_Row]:
     letters = ["s", "r", *(f"s{number}" for number in range(3, len(observer.rows) + 1))]
-    found = []
     for row, letter in zip(observer.rows, letters, strict=False):
         s = names.take(letter)
         terms = [_tidy(p * r) for p, r in zip(row.estimates, row.row.regressor, strict=True)]
@@ -67,14 +60,8 @@ def _rows(
             of_sum = bracket.format(show(row.gain), inside)
             rates[y] = of_sum if C != 0 else show(-row.gain * product)
         meaning = sp.Add(*(side * t for t in terms), row.row.known)
-        found.append(
-            _Row(
-                {show(p): joined(show(y), show(_tidy(row.gain * b))) for p, y, b in estimates},
-                (show(s), show(meaning)),
-                rates,
-            )
-        )
-    return found
+        printed = {show(p): joined(show(y), show(_tidy(row.gain * b))) for p, y, b in estimates}
+        yield printed, (show(s), show(meaning)), rates
 
 
 def _tidy(expression: sp.Expr) -> sp.Expr:
@@ -102,9 +89,11 @@ def joined(first: str, second: str) -> str:
 def latex_observer(observer: SymbolicObserver) -> str:
     """Print an observer as one ``align*`` block, Huang (2003), eqs. (2)-(3)."""
     printer, lines = LatexPrinter({"symbol_names": _symbol_names(observer)}), []
-    for row in _rows(observer, fresh_names(observer), printer.doprint, r"-{} \left[ {} \right]"):
-        rates = {latex_name(str(y), r"\dot"): text for y, text in row.rates.items()}
-        sides = [*row.estimates.items(), row.abbreviation, *rates.items()]
+    names = fresh_names(observer)
+    for row in _rows(observer, names, printer.doprint, r"-{} \left[ {} \right]"):
+        estimates, abbreviation, rates = row
+        of_states = [(latex_name(str(y), r"\dot"), text) for y, text in rates.items()]
+        sides = [*estimates.items(), abbreviation, *of_states]
         lines += [f"  {left} &= {right}" for left, right in sides]
     body = " \\\\\n".join(lines)
     return f"\\begin{{align*}}\n{body}\n\\end{{align*}}\n"
@@ -169,11 +158,12 @@ def _equations(
     integrals = sorted({i for e in shown for i in e.atoms(sp.Integral)}, key=sp.default_sort_key)
     symbols = {i: sp.Symbol(f"_q{n}", real=True) for n, i in enumerate(integrals)}
     rows = _rows(observer, names, lambda e: show(e.xreplace(symbols)), "-{}*({})")
+    estimates, abbreviations, rates = zip(*rows, strict=True)
     return _Equations(
         {show(symbols[i]): (show(i.limits[0].args[2]), show(i.function)) for i in integrals},
-        {p: text for row in rows for p, text in row.estimates.items()},
-        dict(row.abbreviation for row in rows),
-        [rate for row in rows for rate in row.rates.values()],
+        {p: text for of_row in estimates for p, text in of_row.items()},
+        dict(abbreviations),
+        [rate for of_row in rates for rate in of_row.values()],
     )
 
 
