@@ -24,8 +24,8 @@ from flexid.arms.fitting import (
 )
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
-from flexid.estimators.balance_columns import balance_columns
 from flexid.estimators.channel_timing import Timing
+from flexid.estimators.segmented_motion import balance_columns
 from flexid.identification.estimation.band import (
     SPRING_SHARE,
     FitInBand,

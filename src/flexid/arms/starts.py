@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.estimators.balance_columns import balance_columns
 from flexid.estimators.samples import Samples
+from flexid.estimators.segmented_motion import balance_columns
 from flexid.models.torque_balance import JointTerm, TorqueBalance
 from flexid.recording.velocities import position_noise
 
@@ -136,13 +136,18 @@ def starts(
 
     `resting` are indices of joints whose motors rest.
     """
-    fastest = min(1.0 / recording.sample_time for recording in recordings)
-    for cutoff in sorted({min(band, 0.1 * fastest) for band in BANDS}, reverse=True):
+    for cutoff in _bands(recordings):
         data = filtered(balance, recordings, cutoff)
         for part, way in product(data.parts(resting), (_by_deflection, _by_sums)):
             values = way(part, fixed)
             if np.isfinite(values).all():
                 yield _bounded(data, values, fixed)
+
+
+def _bands(recordings: Sequence[Samples]) -> list[float]:
+    """Return the cut-off frequencies that suit the sampling, the widest band first."""
+    fastest = min(1.0 / recording.sample_time for recording in recordings)
+    return sorted({min(band, 0.1 * fastest) for band in BANDS}, reverse=True)
 
 
 def backward_inputs(
@@ -155,8 +160,7 @@ def backward_inputs(
 
     `resting` are indices of joints whose motors rest.
     """
-    fastest = min(1.0 / recording.sample_time for recording in recordings)
-    data = filtered(balance, recordings, min(BANDS[-1], 0.1 * fastest))
+    data = filtered(balance, recordings, _bands(recordings)[0])
     found = []
     for joint in set(range(balance.joints)) - {*resting}:
         used = data.terms_without_spring(joint, _free(data, fixed))

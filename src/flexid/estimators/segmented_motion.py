@@ -240,12 +240,8 @@ class SegmentedMotion:
 
     def dry_rows(self, point: Point) -> NDArray[np.bool_]:
         """Return a mask of the rows with known or unknown dry friction, shape (n_rows,)."""
-        return self._dry(self._coefficients(point.values), self._wanted)
-
-    def _dry(self, coefficients: FloatArray, wanted: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Mask of the rows with dry friction: coefficients nonzero, wanted, or of known parts."""
-        used = np.any(coefficients != 0.0, axis=0)
-        used[wanted] = True
+        used = np.any(self._coefficients(point.values) != 0.0, axis=0)
+        used[self._wanted] = True
         # The last index means a known part, which has no coefficient.
         used = np.append(used, True)
         return np.array([used[list(places)].any() for places in self._kernel.DRY], dtype=np.bool_)
@@ -316,8 +312,7 @@ class SegmentedMotion:
             observer.corrected,
         )
         gains = tuple(map(np.ascontiguousarray, gains))  # other layouts would be compiled again
-        coefficients = self._coefficients(point.values)
-        dry = self._dry(coefficients, self._wanted)
+        coefficients, dry = self._coefficients(point.values), self.dry_rows(point)
         motion = channels.drives(delays[INPUT]), coefficients, self.constants, dry, gains
         trace = 1.0 / np.diag(whitening[0])  # standard deviation of each position's noise
         count = int(self.first_blocks[-1])
@@ -435,6 +430,23 @@ def motion_kernel(system: "ParametricSystem | TorqueBalance") -> ModuleType:
 
     task = "motion" if isinstance(system, ParametricSystem) else "torque_balance"
     return load_kernel(task, [system.digest], build, MOTION)
+
+
+def balance_columns(
+    balance: "TorqueBalance",
+    signals: FloatArray,  # (n_samples, n_rows, 3)
+    inputs: FloatArray,  # (n_samples, n_joints)
+    modes: FloatArray | None = None,  # (n_samples, n_rows): of friction; by default sign(velocity)
+) -> FloatArray:
+    """Return the regressors of all parameters, shape (n_samples, n_rows, n_parameters)."""
+    kernel = motion_kernel(balance)
+    constants = np.array(list(balance.constants.values()), dtype=np.float64)
+    found = np.zeros((len(signals), len(balance.rows), len(balance.coefficients)))
+    states = np.ascontiguousarray(signals[:, :, :2].reshape(len(signals), -1))
+    modes = np.ascontiguousarray(np.sign(signals[:, :, 1]) if modes is None else modes)
+    accelerations = np.ascontiguousarray(signals[:, :, 2])
+    kernel.columns(states, np.ascontiguousarray(inputs), modes, constants, accelerations, found)
+    return found
 
 
 def segments_kernel() -> ModuleType:
