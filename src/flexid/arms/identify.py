@@ -179,8 +179,7 @@ def _result(arm: PlanarArm, log: ArmLog, found: _ChosenFit) -> ArmIdentification
     structure = fitted.structure
     balance, fixed = structure.joint.balance, structure.fixed
     parameters: dict[str, ValueEstimate] = {}
-    shares = _shares(found, log)
-    units = ArmUnits(arm.types, log.input_units, log.resting)
+    shares, units = _shares(found, log), ArmUnits(arm.types, log.input_units, log.resting)
     for name, joint, term in balance.placed():
         unit = units.of(term, joint)
         if name in fitted.names:
@@ -197,7 +196,7 @@ def _result(arm: PlanarArm, log: ArmLog, found: _ChosenFit) -> ArmIdentification
         parameters[ratio.name] = ratio
     rows = (row.name for row in balance.rows)
     excess = dict(zip(rows, residual_excess(fitted).tolist(), strict=True))
-    doubts = _doubts(found, parameters, excess)
+    doubts = [*_doubts(found, parameters, excess)]
     for names_doubted, doubt in doubts:
         for name in names_doubted & parameters.keys():
             parameters[name] = parameters[name].unknown(str(doubt))
@@ -257,36 +256,29 @@ def _confusion(name: str, fitted: FittedArm) -> str:
 
 def _doubts(
     found: _ChosenFit, parameters: Mapping[str, ValueEstimate], excess: Mapping[str, float]
-) -> list[tuple[set[str], Caution]]:
-    """Return sets of parameters to declare undetermined, each with its reason."""
-    doubts: list[tuple[set[str], Caution]] = []
-    worst = max(excess, key=lambda name: excess[name])
+) -> Iterator[tuple[set[str], Caution]]:
+    """Yield sets of parameters to declare undetermined, each with its reason."""
     if found.shares is None and found.reason:
-        doubts.append(
-            (
-                {*parameters},
-                Caution(
-                    f"the residual of {worst} is {excess[worst]:.3g} times the encoder's noise, "
-                    f"and no disturbances explain it: check units, signs, lengths, gear ratios and "
-                    f"leads",
-                    Rank.SCALE,
-                ),
-            )
+        worst = max(excess, key=lambda name: excess[name])
+        reason = (
+            f"the residual of {worst} is {excess[worst]:.3g} times the encoder's noise, and no "
+            f"disturbances explain it: check units, signs, lengths, gear ratios and leads"
         )
+        yield {*parameters}, Caution(reason, Rank.SCALE)
     if found.shares is not None and found.fitted.minimum.last_step > _UNCONVERGED:
         reason = "the fit does not converge: let the joints swing faster, or log for longer"
-        doubts.append(({*parameters}, Caution(reason, Rank.MOTION)))
+        yield {*parameters}, Caution(reason, Rank.MOTION)
     for joint in found.fitted.structure.joint.resting:
         # So little motion does not separate gravity from the spring.
         carried = {f"link_inertia_{joint}", f"link_mass_{joint}"}
         own = {n for n in parameters if joint_of_name(n) == joint} - carried
-        doubts.append((own, Caution(f"joint {joint} rests: let it move", Rank.MOTION)))
+        yield own, Caution(f"joint {joint} rests: let it move", Rank.MOTION)
     for joint, share in found.periods.items():
         shares = found.shares or {}
         left = max(shares.get(f"{side}_{joint}", 0.0) for side in ("link", "motor"))
         if not share >= PREDICTED and left > UNEXPLAINED:
             weak = weak_spring(f"joint {joint}", "a period", f"{max(share, 0.0):.0f} %")
-            doubts.append(({f"{name}_{joint}" for name in _OF_A_SPRING}, weak))
+            yield {f"{name}_{joint}" for name in _OF_A_SPRING}, weak
     for joint in {*map(joint_of_name, parameters)}:
         own = (parameters.get(f"{name}_{joint}") for name in _POSITIVE)
         negative = [parameter for parameter in own if parameter and parameter.value <= 0.0]
@@ -294,8 +286,7 @@ def _doubts(
             # A fit that has not converged may have diverged, and the links are coupled.
             alone = has_ended(found.fitted)
             own = {name for name in parameters if joint_of_name(name) == joint or not alone}
-            doubts.append((own, doubt_of_negative(negative)))
-    return doubts
+            yield own, doubt_of_negative(negative)
 
 
 def doubt_of_negative(found: Sequence[ValueEstimate]) -> Caution:
