@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_banded
 
 from flexid.arrays import FloatArray
 from flexid.estimators.samples import Segments
@@ -110,18 +109,14 @@ def held_input(
     ahead, behind = inputs[:1].repeat(room, axis=0), inputs[-1:].repeat(room, axis=0)
     padded = np.concatenate((ahead, inputs, behind))
     if hold == "cubic":
-        padded = _spline_weights(padded)
+        from scipy.ndimage import spline_filter1d  # late: it takes a third of a second to import
+
+        # Coefficients of the cubic B-spline through the samples, with mirrored ends.
+        padded = spline_filter1d(padded, axis=0, mode="mirror")
     taps = _taps(hold, fraction, sample_time)
     firsts = range(room - earliest, room - earliest + len(taps))
     around = np.concatenate([padded[i : i + len(inputs), :, None] for i in firsts], axis=2)
     return (around.reshape(-1, len(taps)) @ taps).reshape(*inputs.shape, 4)
-
-
-def _spline_weights(samples: FloatArray) -> FloatArray:
-    """Coefficients, shape (n, k), of the cubic B-spline through samples with mirrored ends."""
-    bands = np.tile([[1.0], [4.0], [1.0]], len(samples))
-    bands[0, 1] = bands[2, -2] = 2.0
-    return solve_banded((1, 1), bands / 6.0, samples)
 
 
 @lru_cache(maxsize=64)  # successive passes over a log mostly use the same delay

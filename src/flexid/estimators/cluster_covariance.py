@@ -101,12 +101,6 @@ def covariance_root(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     return vectors * root * scale[..., :, None], vectors / root / scale[..., :, None]
 
 
-def _unbiasing(leverages: FloatArray) -> FloatArray:
-    """Factor (1 - leverage)^(-1/2) that undoes the shrinking of residuals by the fit."""
-    left = 1.0 - leverages
-    return np.where(left > _LEAST_LEFT, 1.0 / np.sqrt(np.maximum(left, _LEAST_LEFT)), 0.0)
-
-
 def _adjusted(
     normal: FloatArray, own: FloatArray, borders: FloatArray, inverse: FloatArray
 ) -> FloatArray:
@@ -116,7 +110,10 @@ def _adjusted(
     half, other, turned = half[:, None], other[:, None], half.transpose(0, 2, 1)[:, None]
     leverages, directions = eigen(turned @ normal @ half)
     back = directions.transpose(0, 1, 3, 2) @ turned
-    correction = other @ (directions * _unbiasing(leverages)[:, :, None, :]) @ back
+    # (1 - leverage)^(-1/2) undoes the shrinking of residuals by the fit.
+    left = 1.0 - leverages[:, :, None, :]
+    growth = np.where(left > _LEAST_LEFT, 1.0 / np.sqrt(np.maximum(left, _LEAST_LEFT)), 0.0)
+    correction = other @ (directions * growth) @ back
     return (inverse @ across)[:, None] @ correction
 
 
@@ -203,24 +200,15 @@ def block_lengths(
 ) -> list[int]:
     """Return the number of equations in each block; a block lies within one recording."""
     total = sum(n * h for n, h in zip(lengths, sample_times, strict=True))
-    blocks = []
-    for n, sample_time in zip(lengths, sample_times, strict=True):
-        blocks += _split(n, _block_size(total, sample_time, filter_rate, n_coefficients))
-    return blocks
-
-
-def _block_size(total: float, sample_time: float, filter_rate: float, n_coefficients: int) -> int:
-    """Number of equations in a block of a log of a total length in s."""
     duration = max(block_duration(total), _INDEPENDENCE / filter_rate)
     # A short log gets shorter blocks than wanted, so that it still has intervals.
     duration = min(duration, total / (n_coefficients + 3))
-    return max(1, round(duration / sample_time))
-
-
-def _split(n: int, size: int) -> list[int]:
-    """Split n into blocks of a size; a remainder below half a block joins the last one."""
-    count = max(1, (2 * n + size) // (2 * size))
-    return [size] * (count - 1) + [n - (count - 1) * size]
+    blocks = []
+    for n, sample_time in zip(lengths, sample_times, strict=True):
+        size = max(1, round(duration / sample_time))
+        count = max(1, (2 * n + size) // (2 * size))  # a shorter remainder joins the last block
+        blocks += [size] * (count - 1) + [n - (count - 1) * size]
+    return blocks
 
 
 def block_influences(
@@ -232,9 +220,9 @@ def block_influences(
     """Return each block's influence on the coefficients, (k, n_blocks), and degrees of freedom."""
     edges = np.concatenate(([0], np.cumsum(blocks, dtype=np.int64)))
     parts = [slice(first, stop) for first, stop in pairwise(edges)]
-    k, count = len(inverse), len(parts)
-    if k == 0 or count == 0:
-        return np.zeros((k, count)), np.zeros(k)
+    count = len(parts)
+    if count == 0:
+        return np.zeros((len(inverse), 0)), np.zeros(len(inverse))
     normal = np.array([regressor[:, part] @ regressor[:, part].T for part in parts])
     scores = np.array([regressor[:, part] @ residual[part] for part in parts])
     return cluster_influences(Clusters(normal, scores, np.arange(count), inverse))

@@ -105,11 +105,14 @@ def predicting(
 
 def _first_sizes(problem: SegmentedMotion, slowest: float) -> Sizes:
     """First guess: noise from the weights, disturbances as a fraction of the accelerations."""
+    from scipy.ndimage import uniform_filter1d  # late: it takes a third of a second to import
+
     segments = problem.segments
     squares = np.zeros(segments.outputs.shape[1])
     for part, sample_time in segments.by_recording():
         rates = np.gradient(segments.outputs[part], sample_time, axis=0)
-        smooth = _smoothed(rates, max(1, round(0.01 / sample_time)))
+        width = 2 * max(1, round(0.01 / sample_time)) + 1
+        smooth = uniform_filter1d(rates, width, axis=0, mode="constant")
         squares += np.sum(np.gradient(smooth, sample_time, axis=0) ** 2, axis=0)
     accelerations = np.sqrt(squares / len(segments.outputs))
     return Sizes(
@@ -117,13 +120,6 @@ def _first_sizes(problem: SegmentedMotion, slowest: float) -> Sizes:
         _FIRST_SHARE * np.maximum(accelerations, np.finfo(float).tiny),
         np.full(len(accelerations), slowest),
     )
-
-
-def _smoothed(values: FloatArray, half: int) -> FloatArray:
-    """Moving mean over 2 half + 1 samples."""
-    width = min(2 * half + 1, len(values))
-    kernel = np.full(width, 1.0 / width)
-    return np.column_stack([np.convolve(column, kernel, "same") for column in values.T])
 
 
 def _bounds(first: Sizes, sample_time: float, slowest: float) -> tuple[FloatArray, FloatArray]:

@@ -232,7 +232,10 @@ def filtered_signals(
                 own[place, start:stop] = _smoothed(smooth, bands, last)
                 once[place] = smooth[-1]
         past = min(count, int(np.ceil(_MEMORY / rate)) + 2)
-        _project_out_past(own[:, :past], pole)
+        # The free response of the filter, z^i and i z^i, is removed.
+        i = np.arange(past)
+        free, _ = np.linalg.qr(np.column_stack((pole**i, i * pole**i)))
+        own[:, :past] -= (own[:, :past] @ free) @ free.T
         first += count
     return signals
 
@@ -306,13 +309,6 @@ def _smoothed(signal: FloatArray, bands: FloatArray, last: float) -> FloatArray:
     right = (1.0 - pole) * signal
     right[0] += pole * last
     return _solve_banded(1, bands[:, : len(signal)], right, lower=1, diag=1, overwrite_x=1)
-
-
-def _project_out_past(signals: FloatArray, pole: float) -> None:
-    """Remove the filter's free response, z^i and i z^i, from each signal in place."""
-    i = np.arange(signals.shape[1])
-    past, _ = np.linalg.qr(np.column_stack((pole**i, i * pole**i)))
-    signals -= (signals @ past) @ past.T
 
 
 def _check_velocities(

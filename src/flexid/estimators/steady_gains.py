@@ -60,7 +60,11 @@ def steady_gains(
     noise = np.zeros_like(step)
     noise[n:, n:] = np.diag(sizes.disturbances**2 * (1.0 - decay**2))
     sees = sensors_of(rows, n + rows)
-    sensors = _sensor_covariance(problem, sizes.sensors)
+    mixing = np.eye(rows)
+    for a, other in enumerate(problem.references):  # a relative output has its reference's noise
+        if other is not None:
+            mixing[a, other] = 1.0
+    sensors = mixing @ np.diag(sizes.sensors**2) @ mixing.T
     predicted = steady_covariance(step, noise, sees, sensors)
     covariance = sees @ predicted @ sees.T + sensors
     gain = np.asarray(np.linalg.solve(covariance, sees @ predicted).T, dtype=np.float64)
@@ -87,16 +91,6 @@ def steady_covariance(
         if np.abs(more).max() <= _STEADY * np.abs(covariance).max():
             return 0.5 * (covariance + covariance.T)
     raise LinAlgError("the filter does not settle")
-
-
-def _sensor_covariance(problem: SegmentedMotion, sensors: FloatArray) -> FloatArray:
-    """Covariance of the outputs' noise; a relative output also has its reference's noise."""
-    reference = problem.references
-    mixing = np.eye(len(sensors))
-    for a, other in enumerate(reference):
-        if other is not None:
-            mixing[a, other] = 1.0
-    return mixing @ np.diag(sensors**2) @ mixing.T
 
 
 WORST = 1e15  # cost where the computation fails: finite, because costs are subtracted

@@ -191,26 +191,18 @@ def unknowns_of(
 Bounds = Mapping[str, tuple[float, float]]
 
 
-class Fit(Protocol):
-    """Fields that a fit must have: values of k unknowns and the information about them."""
+class _Fit(Protocol):
+    """Fit of k unknowns, with the matrix, (k, k), of its sum of squares up to a factor."""
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the unknowns, k of them."""
-        ...
-
+    def names(self) -> tuple[str, ...]: ...
     @property
-    def values(self) -> FloatArray:
-        """Values of the unknowns, shape (k,)."""
-        ...
-
+    def values(self) -> FloatArray: ...
     @property
-    def information(self) -> FloatArray:
-        """Matrix of the sum of squares' quadratic form, up to a factor, shape (k, k)."""
-        ...
+    def information(self) -> FloatArray: ...
 
 
-AnyFit = TypeVar("AnyFit", bound=Fit)
+AnyFit = TypeVar("AnyFit", bound=_Fit)
 
 
 # Near its minimum a sum of squares is (p - p̂)ᵀ M (p - p̂) with the information M. Within bounds this
@@ -219,7 +211,13 @@ def bounded_fit(
     fit_with: Callable[[Unknowns], AnyFit], unknowns: Unknowns, bounds: Bounds
 ) -> tuple[AnyFit, dict[str, float]]:
     """Fit within bounds; return the fit and the values of coefficients fixed at a bound."""
-    _check(unknowns, bounds)
+    coefficients = unknowns.system.coefficients
+    _check_known("bounds", bounds, tuple(dict.fromkeys((*coefficients, *unknowns.names))))
+    for name, (lower, upper) in bounds.items():
+        if not lower < upper:
+            raise SettingError(
+                "bounds", f"{name!r} has no room between {lower:g} and {upper:g}: correct them"
+            )
     at_bound: dict[str, float] = {}
     fit = fit_with(unknowns)
     # Other coefficients may then leave their bounds; each round fixes at least one.
@@ -234,22 +232,12 @@ def bounded_fit(
     return fit, at_bound
 
 
-def _check(unknowns: Unknowns, bounds: Bounds) -> None:
-    coefficients = unknowns.system.coefficients
-    _check_known("bounds", bounds, tuple(dict.fromkeys((*coefficients, *unknowns.names))))
-    for name, (lower, upper) in bounds.items():
-        if not lower < upper:
-            raise SettingError(
-                "bounds", f"{name!r} has no room between {lower:g} and {upper:g}: correct them"
-            )
-
-
-def _active_bounds(fit: Fit, unknowns: Unknowns, bounds: Bounds) -> dict[str, float]:
+def _active_bounds(fit: _Fit, unknowns: Unknowns, bounds: Bounds) -> dict[str, float]:
     """Active bounds in the solution of the quadratic programme, by coefficient."""
     coefficient_of = unknowns.coefficient_of  # other unknowns, the delays, have no bounds
     own = {name: bounds.get(name, bounds.get(coefficient_of.get(name, name))) for name in fit.names}
-    unbounded = (-np.inf, np.inf)
-    lower, upper = np.array([own[name] or unbounded for name in fit.names], dtype=np.float64).T
+    ends = [own[name] or (-np.inf, np.inf) for name in fit.names]
+    lower, upper = np.array(ends, dtype=np.float64).T
     if np.all((fit.values >= lower) & (fit.values <= upper)):
         return {}
     from scipy.optimize import lsq_linear  # imported here: it takes a third of a second

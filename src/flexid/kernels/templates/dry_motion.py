@@ -50,16 +50,6 @@ def clear(first, size, numbers):
 
 
 @uncounted
-def start_derivatives(model, work):
-    """Set the derivatives to their values at the start of a segment."""
-    width = model.width
-    clear(model.z, model.n_states * width, work)
-    clear(model.disturbed, model.n_rows * width, work)
-    for i in range(model.n_states):
-        work[model.z + i * width + 1 + i] = 1.0
-
-
-@uncounted
 def move(place, span, h, model, work, columns):
     """Compute the end of a step over a span, a fraction of an interval of h seconds."""
     call(model.address, work, columns, place, span, h, model.x, model.step, STEP_STATE)

@@ -29,13 +29,6 @@ Sizes = namedtuple(
 
 
 @rounded
-def is_held(signal, settings, model):
-    """Whether a signal depends on an input."""
-    n_signals = model.n_coefficients + model.n_rows
-    return settings[CONSTANTS + model.n_constants + n_signals * model.n_rows + signal] != 0.0
-
-
-@rounded
 def past(memory, settings, regressor, first):
     """Fill in the filter's responses to its initial state at the latest row i: z^i and i z^i."""
     rows = memory[0] - (2.0 * settings[HALF_WINDOW] + 3.0)
@@ -100,14 +93,16 @@ def next_row(memory, sample, settings, model, room):
     twice = part(memory, kept + 4 * n_signals, n_signals)
     if count >= width:
         rate = 1.0 / settings[SAMPLE_TIME]
+        factors = CONSTANTS + model.n_constants
+        held = factors + n_signals * n_rows
         for i in range(n_signals):
-            if is_held(i, settings, model):
+            if settings[held + i] != 0.0:
                 inner = end_before[i] + before[i]
                 value = (1.0 / 6.0) * (long_before[i] + 2.0 * inner + end_now[i])
             else:
                 value = (1.0 / 12.0) * (long_before[i] + 10.0 * before[i] + now[i])
             for j in range(n_rows):
-                factor = settings[CONSTANTS + model.n_constants + i * n_rows + j]
+                factor = settings[factors + i * n_rows + j]
                 difference = memory[middle + j] - memory[middle - 2 * size + j]
                 value += factor * (0.5 * rate * difference)
             if i >= model.n_coefficients:

@@ -96,8 +96,7 @@ def correct(errors, rows, gains, model, work, columns):
 def set_drive(drive, model, work):
     """Set the inputs over one interval."""
     for j in range(model.n_inputs):
-        for i in range(4):
-            work[model.drive + 4 * j + i] = drive[j, i]
+        put(drive[j], model.drive + 4 * j, work)
 
 
 @uncounted
@@ -114,7 +113,11 @@ def start_segment(start, coefficients, model, work):
     put(coefficients, model.coefficients, work)
     for row in range(model.n_rows):
         work[model.disturbance + row] = 0.0
-    start_derivatives(model, work)
+    width = model.width
+    clear(model.z, model.n_states * width, work)
+    clear(model.disturbed, model.n_rows * width, work)
+    for i in range(model.n_states):
+        work[model.z + i * width + 1 + i] = 1.0
 
 
 @uncounted
