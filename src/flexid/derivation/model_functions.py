@@ -96,7 +96,7 @@ def _model_function(
         what,
         *unpack_variables(symbolic),
         unpack("_p", symbolic.coefficients),
-        assignments([*values], [*values.values()], of_arrays=not decorator),
+        assignments([*values], [*values.values()]),
         decorator=decorator,
     )
 
@@ -216,7 +216,6 @@ def _sampled_parts(symbolic: SymbolicSystem, parts: list[RegressorParts], decora
         assignments(
             [f"_g[{i}]" for i in range(len(parts))],
             [part.memoryless + part.remainder for part in parts],
-            of_arrays=not decorator,
         ),
         decorator=decorator,
     )

@@ -29,7 +29,7 @@ class ScalarPrinter(PythonCodePrinter):
 
     def _print_sign(self, e: sp.Function) -> str:
         argument = self._print(e.args[0])
-        return f"(0.0 if {argument} == 0.0 else copysign(1.0, {argument}))"
+        return f"copysign(1.0*({argument} != 0.0), {argument})"  # for arrays, too
 
     def _print_Pow(self, expr: sp.Pow, rational: bool = False) -> str:
         base, exponent = expr.args
@@ -41,20 +41,12 @@ class ScalarPrinter(PythonCodePrinter):
         return f"({self._print(base)})**({self._print(exponent)})"
 
 
-class ArrayPrinter(ScalarPrinter):
-    """`ScalarPrinter` for arrays, whose elements ``if`` cannot distinguish."""
-
-    def _print_sign(self, e: sp.Function) -> str:
-        return f"sign({self._print(e.args[0])})"
-
-
 _printer = ScalarPrinter({"fully_qualified_modules": False})
-_array_printer = ArrayPrinter({"fully_qualified_modules": False})
 
 IMPORTS = "from math import copysign, cos, exp, sin, sqrt, tan, tanh"
 """Import line of the generated modules of scalars."""
 
-ARRAY_IMPORTS = "from numpy import cos, exp, sign, sin, sqrt, tan, tanh"
+ARRAY_IMPORTS = "from numpy import copysign, cos, exp, sin, sqrt, tan, tanh"
 """Import line of the generated modules of arrays."""
 
 
@@ -64,19 +56,15 @@ def print_scalar(expression: sp.Basic) -> str:
 
 
 def assignments(
-    targets: Sequence[str],
-    expressions: Sequence[sp.Expr],
-    indent: str = "    ",
-    of_arrays: bool = False,
+    targets: Sequence[str], expressions: Sequence[sp.Expr], indent: str = "    "
 ) -> str:
     """Return lines that assign expressions to targets; common subexpressions are computed once."""
-    show = _array_printer.doprint if of_arrays else _printer.doprint
     # A leading underscore marks the generator's own names; declarations cannot have one.
     names = sp.numbered_symbols("_e", real=True)
     temporaries, reduced = sp.cse(list(expressions), symbols=names, optimizations="basic")
-    lines = [f"{name} = {show(value)}" for name, value in temporaries]
+    lines = [f"{name} = {print_scalar(value)}" for name, value in temporaries]
     lines += [
-        f"{target} = {show(sp.sympify(value))}"
+        f"{target} = {print_scalar(sp.sympify(value))}"
         for target, value in zip(targets, reduced, strict=True)
     ]
     return "\n".join(indent + line for line in lines or ["pass"])
