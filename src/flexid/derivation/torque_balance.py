@@ -33,8 +33,14 @@ class SymbolicBalance:
     """Torque balance in symbols."""
 
     balance: TorqueBalance
-    # φ of each parameter: torque by index of its row; missing rows have none
-    columns: tuple[dict[int, sp.Expr], ...]
+
+    @cached_property
+    def columns(self) -> tuple[dict[int, sp.Expr], ...]:
+        """Return φ of each parameter: its torque by index of the row, where there is one."""
+        return tuple(
+            _of_joint(term, joint) if isinstance(term, JointTerm) else _of_body(term, self.balance)
+            for _, joint, term in self.balance.placed()
+        )
 
     @property
     def parameters(self) -> tuple[sp.Symbol, ...]:
@@ -109,15 +115,6 @@ def _entry(i: int, j: int) -> str:
     return f"_M{max(i, j)}_{min(i, j)}"
 
 
-def symbolic_balance(balance: TorqueBalance) -> SymbolicBalance:
-    """Convert a declaration: Lagrange's equations of body terms, and joint terms in their rows."""
-    columns = tuple(
-        _of_joint(term, joint) if isinstance(term, JointTerm) else _of_body(term, balance)
-        for _, joint, term in balance.placed()
-    )
-    return SymbolicBalance(balance, columns)
-
-
 def _acceleration(row: int) -> sp.Symbol:
     return sp.Symbol(f"_a{row}", real=True)
 
@@ -162,7 +159,7 @@ def _of_body(term: BodyTerm, balance: TorqueBalance) -> dict[int, sp.Expr]:
 
 def balance_functions(balance: TorqueBalance) -> str:
     """Return the functions of `sensitivity_functions`, and ``columns``: f[sample, row, k] = φ_k."""
-    symbolic = symbolic_balance(balance)
+    symbolic = SymbolicBalance(balance)
     moved = [symbolic.moved(column) for column in symbolic.by_state]  # rows, by state
     width = width_of(len(balance.states), len(balance.coefficients), len(balance.rows))
     parts = (

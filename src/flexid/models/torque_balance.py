@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Literal
 
 from flexid.models.motion import JointType
+from flexid.models.parametric_system import Row
 
 Place = Literal["link", "motor", "spring", "input"]
 """Where a joint term acts: on one side, on both with opposite signs, or as the motor's torque."""
@@ -42,15 +43,6 @@ class BodyTerm:
     unit: str  # of the parameter
     sign: int = 0  # 1 if it is never negative
     meaning: str = ""  # what the parameter is, for the manual
-
-
-@dataclass(frozen=True)
-class BalanceRow:
-    """Balance of one coordinate."""
-
-    name: str  # such as link_1
-    coordinate: str
-    velocity: str
 
 
 @dataclass(frozen=True)
@@ -93,15 +85,12 @@ class TorqueBalance:
         return tuple(name for name, _, _ in self.placed())
 
     @cached_property
-    def rows(self) -> tuple[BalanceRow, ...]:
-        """Balances, in order."""
+    def rows(self) -> tuple[Row, ...]:
+        """Name, coordinate and velocity of each balance, in order."""
         return tuple(
-            row
+            Row(f"{side}_{i}", f"{coordinate}{i}", f"{velocity}{i}", {})
             for i in range(1, self.joints + 1)
-            for row in (
-                BalanceRow(f"link_{i}", f"q{i}", f"v{i}"),
-                BalanceRow(f"motor_{i}", f"t{i}", f"w{i}"),
-            )
+            for side, coordinate, velocity in (("link", "q", "v"), ("motor", "t", "w"))
         )
 
     @property
