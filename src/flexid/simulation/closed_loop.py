@@ -244,27 +244,18 @@ def simulate(
     )
     kernel = loop_kernel(loop.declaration)
     samples = np.empty((1, chosen.count, kernel.SIZE))
-    ends = integrate_loops(kernel, [loop], chosen, samples, np.empty((1, 0)))
-    if ends.status[0] != kernel.FINISHED:
-        largest = float(np.max(np.abs(ends.variables)))
-        reason = _reason(kernel, int(ends.status[0]), largest, maximum_steps)
-        raise SimulationError(reason, float(ends.reached[0]))
+    empty = np.empty((1, 0))
+    status, reached, variables, counts = integrate_loops(kernel, [loop], chosen, samples, empty)
+    if status[0] != kernel.FINISHED:
+        largest = float(np.max(np.abs(variables)))
+        reason = _reason(kernel, int(status[0]), largest, maximum_steps)
+        raise SimulationError(reason, float(reached[0]))
     outputs = np.empty((chosen.count, kernel.N_OUTPUTS))
     kernel.sampled_outputs(sample_time, samples[0], loop.parameters, outputs)
     settings = {"task": "continuous", **asdict(chosen)}
-    accepted, rejected, _ = map(int, ends.counts[0])
+    accepted, rejected, _ = map(int, counts[0])
     statistics = {"accepted_steps": accepted, "rejected_steps": rejected}
     return run_of(loop, kernel, chosen.times, outputs, settings, statistics)
-
-
-@dataclass(frozen=True)
-class Ends:
-    """Final status, time and variables of n runs; counts of accepted, rejected, sampled steps."""
-
-    status: NDArray[np.int64]
-    reached: FloatArray
-    variables: FloatArray
-    counts: NDArray[np.int64]
 
 
 def integrate_loops(
@@ -273,8 +264,11 @@ def integrate_loops(
     chosen: Integration,
     samples: FloatArray,  # (n, count or 0, SIZE), filled with the variables at the sample times
     totals: FloatArray,  # (n, N_TOTALS or 0)
-) -> Ends:
-    """Integrate n loops of one declaration, without holding the interpreter's lock."""
+) -> tuple[NDArray[np.int64], FloatArray, FloatArray, NDArray[np.int64]]:
+    """Integrate n loops of one declaration, without holding the interpreter's lock.
+
+    Returns final status, time and variables, and counts of accepted, rejected and sampled steps.
+    """
     runs = len(loops)
     parameters = np.array([loop.parameters for loop in loops])
     variables = np.empty((runs, kernel.SIZE))
@@ -300,7 +294,7 @@ def integrate_loops(
         totals,
         (status, reached, counts),
     )
-    return Ends(status, reached, variables, counts)
+    return status, reached, variables, counts
 
 
 def loop_kernel(declaration: LoopDeclaration, stiff: bool = True) -> ModuleType:

@@ -63,11 +63,10 @@ def simulate_ensemble(
     kernel = loop_kernel(loops[0].declaration, stiff)
     totals = np.zeros((len(loops), kernel.N_TOTALS))
     no_samples = np.empty((len(loops), 0, kernel.SIZE))
-    ends = integrate_loops(kernel, loops, chosen, no_samples, totals)
+    status, reached, _, counts = integrate_loops(kernel, loops, chosen, no_samples, totals)
     states, _, _, errors, _, _ = split_columns(kernel, totals[:, kernel.N_MEASURES :])
-    measured = _measures(kernel, loops[0].system, totals, ends.reached, ends.reached)
-    of_runs = (ends.status, ends.reached, states, errors)
-    return Ensemble(loops[0].system, *of_runs, *measured, ends.counts[:, 0])
+    measured = _measures(kernel, loops[0].system, totals, reached, reached)
+    return Ensemble(loops[0].system, status, reached, states, errors, *measured, counts[:, 0])
 
 
 def simulate_sampled_ensemble(

@@ -235,15 +235,6 @@ def lane_measures(w):
 
 
 @njit(**within)
-def ended_runs(w):
-    """Return the number of lanes whose run has ended."""
-    ended = 0
-    for lane in range(LANES):
-        ended += w[at(STATUS, lane)] != GOES_ON
-    return ended
-
-
-@njit(**within)
 def enter(w, lane, run, start, z, p, first_step):
     """Start a run in a lane."""
     for slot in range(SLOTS):
@@ -314,7 +305,8 @@ def integrate(span, z, p, steps, _sampling, totals, results):
             if totals.shape[1] > 0:
                 lane_measures(w)
             end_step(w, stop, limit, most_steps)
-            ended = ended_runs(w)
+            for lane in range(LANES):
+                ended += w[at(STATUS, lane)] != GOES_ON
         left += ended
         for lane in range(LANES):
             if w[at(STATUS, lane)] != GOES_ON:
