@@ -61,10 +61,10 @@ def test_a_slide_that_jumps_by_metres_has_made_no_turn() -> None:
     assert found == pytest.approx(jumps, abs=1e-12)
     samples = np.column_stack((TIME, LINK + 10.0, jumps, FORCE))
     guard = Guard(WatchOptions(0.002, (), joint_type="prismatic"))
-    guarded = guard.guard(guard.first_state(), samples)
-    counts = guard.counts(guarded.state)
+    state, _, rows, _ = guard.guard(guard.first_state(), samples)
+    counts = guard.counts(state)
     assert (counts.wraps, counts.jumps) == (0, 1)
-    assert guarded.rows[0] == pytest.approx([10.0, MOTOR[0], FORCE[0]])
+    assert rows[0] == pytest.approx([10.0, MOTOR[0], FORCE[0]])
 
 
 FAR = np.linspace(0.0, 20.0, len(TIME)) + 7.0 * (TIME > 2.0)  # m, with a step near 2π

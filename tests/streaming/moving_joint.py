@@ -99,7 +99,7 @@ def followed(path: Path, chosen: dict[str, Any] | None = None, **options: Any) -
 def counted(guard: Guard, *columns: np.ndarray) -> Counts:
     """Return a guard's counts for times and encoder readings, with a sine as the input."""
     samples = np.column_stack((*columns, np.sin(columns[0]))).astype(np.float64)
-    return guard.counts(guard.guard(guard.first_state(), samples).state)
+    return guard.counts(guard.guard(guard.first_state(), samples)[0])
 
 
 def errors(session: Session, truth=None) -> np.ndarray:

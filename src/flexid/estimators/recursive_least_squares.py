@@ -48,23 +48,7 @@ class RecursiveLeastSquares(OnlineEstimator):
     """Recursive least squares of a model; innovations have the unit of an acceleration."""
 
     _sizes: Any  # sizes of the model and indices in a state: see the template ``least_squares``
-
-    @property
-    def law(self) -> Law:
-        """Constants of an update."""
-        kernel = self._kernel
-        settings = self._settings.tolist()
-        return Law(
-            settings[kernel.FORGETTING],
-            kernel.LEAST_INFORMATION,
-            int(settings[kernel.FEWEST]),
-            kernel.RIDGE,
-            kernel.LEAST_TOLERANCE,
-            kernel.LEAST_EXPLAINED,
-            int(settings[kernel.MEMORY]),
-            settings[kernel.POLE],
-            int(settings[kernel.HALF_WINDOW]),
-        )
+    law: Law  # constants of an update
 
     def standard_deviations(self, state: FloatArray) -> FloatArray:
         """Return each estimate's standard deviation, shape (n_coefficients,); see `covariance`."""
@@ -81,7 +65,7 @@ class RecursiveLeastSquares(OnlineEstimator):
         if past_gone and span > 0.0:  # the last block is not full yet
             stored = np.append(stored, state[at.own : at.ends])
             ends, lengths = np.append(ends, clock), np.append(lengths, span)
-        weights = self.fading ** (clock - ends)
+        weights = self.law.fading ** (clock - ends)
         rows = [part for _, part in self.system.row_slices()]
         values = self.coefficients(state)
         return kept_covariance(self._equations(stored), lengths, weights, rows, values)
@@ -103,11 +87,6 @@ class RecursiveLeastSquares(OnlineEstimator):
             p, n = values[part], part.stop - part.start
             unexplained[place] -= p @ (2.0 * vectors[place, :n] - matrices[place, :n, :n] @ p)
         return power, np.maximum(unexplained, 0.0)
-
-    @property
-    def fading(self) -> float:
-        """Fading of weights per sample; 1 without forgetting."""
-        return float(self._settings[self._kernel.FORGETTING])
 
     def equations(self, state: FloatArray) -> int:
         """Return the number of equations that each row has had."""
@@ -166,22 +145,32 @@ def recursive_least_squares(
     plain, half = model_kernel("signals", system), 0
     if plain.VELOCITY_NEEDED:
         half = max(1, min(_LONGEST_HALF_WINDOW, round(_VELOCITY_WINDOW * per_constant)))
-    pole = np.exp(-1.0 / per_constant)
+    kernel = load_kernel("least_squares", (), None, ["least_squares"])
+    law = Law(
+        fading_factor(memory, h),
+        kernel.LEAST_INFORMATION,
+        int(np.ceil(_SETTLED * per_constant)),
+        kernel.RIDGE,
+        kernel.LEAST_TOLERANCE,
+        kernel.LEAST_EXPLAINED,
+        int(np.ceil(_MEMORY * per_constant)),
+        float(np.exp(-1.0 / per_constant)),
+        half,
+    )
     shortest_block = _INDEPENDENCE * per_constant
-    vanished, fewest = np.ceil(_MEMORY * per_constant), np.ceil(_SETTLED * per_constant)
-    fading = fading_factor(memory, h)
     longest_block = max(shortest_block, memory / h / _BLOCKS_PER_MEMORY)
-    law = [fading, longest_block, vanished, fewest]
     constants = np.array(list(system.constants.values()), dtype=np.float64)
     factors = np.empty((plain.N_SIGNALS, len(system.rows)))
     plain.velocity_factors(constants, factors)
-    rows = [h, float(hold == "zero"), pole, float(half), *constants]
-    settings = np.array([*law, *rows, *factors.ravel(), *plain.HELD], dtype=np.float64)
-    kernel = load_kernel("least_squares", (), None, ["least_squares"])
+    of_update = [law.fading, longest_block, law.memory, law.fewest]
+    of_rows = [h, hold == "zero", law.pole, half, *constants, *factors.ravel(), *plain.HELD]
+    settings = np.array([*of_update, *of_rows], dtype=np.float64)
     starts = (0, *(part.stop for _, part in system.row_slices()))
     address = model_kernel("sampled_signals", system).sampled_parts.address
     model = kernel.sizes(address, starts, len(system.inputs), len(constants), half)
     layout = tuple(model), np.array(starts, dtype=np.int64)
     state = np.zeros(model.state)
     state[model.counts + kernel.BLOCK_LENGTH] = shortest_block
-    return RecursiveLeastSquares(system, h, hold, False, kernel, settings, layout, state, model)
+    return RecursiveLeastSquares(
+        system, h, hold, False, kernel, settings, layout, state, model, law
+    )

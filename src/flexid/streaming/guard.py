@@ -1,7 +1,6 @@
 """Checks of a stream's samples before estimation: compiled guard, thresholds and counts."""
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -66,15 +65,6 @@ class Counts:
         return f"Samples: {self.taken} of {self.fed} used{more}"
 
 
-class Guarded(NamedTuple):
-    """Result of the guard for a block of samples."""
-
-    state: FloatArray  # the guard's state after these samples
-    judged: int  # samples checked: all, or up to the first that shows a newly stuck encoder
-    rows: FloatArray  # (m, n_positions + n_inputs): usable samples; NaN where samples are missing
-    stuck_for: int  # samples for which that encoder has stood still; 0 without one
-
-
 class Guard:
     """Check of each sample of a stream: its time, positions and inputs."""
 
@@ -95,14 +85,20 @@ class Guard:
         """Return the state before the first sample."""
         return self._kernel.first_state(self._n_positions, self._n_inputs)
 
-    def guard(self, state: FloatArray, samples: FloatArray) -> Guarded:
-        """Check samples, up to the first that shows a newly stuck encoder."""
+    def guard(
+        self, state: FloatArray, samples: FloatArray
+    ) -> tuple[FloatArray, int, FloatArray, int]:
+        """Check samples, up to the first that shows a newly stuck encoder.
+
+        Returns the new state, the number of samples checked, the usable ones with NaN where samples
+        are missing, (m, n_positions + n_inputs), and for how many samples an encoder is stuck.
+        """
         rows = np.empty((2 * len(samples), self._n_positions + self._n_inputs))
         fates = np.empty(len(samples))
         new, judged, filled, still = self._kernel.guard(
             state, samples, self._settings, self._n_positions, rows, fates
         )
-        return Guarded(new, judged, rows[:filled], int(still))
+        return new, judged, rows[:filled], int(still)
 
     def counts(self, state: FloatArray) -> Counts:
         """Return the counts so far."""

@@ -136,19 +136,18 @@ class Session:
 
     def _feed_some(self, samples: FloatArray) -> int:
         """Use samples of one window, up to a newly stuck encoder; return how many were used."""
-        guarded = self.guard.guard(self.guard_state, samples)
-        self.guard_state = guarded.state
-        self.fed += guarded.judged
-        if guarded.stuck_for:
-            self._go_back(self.fed - guarded.stuck_for)
-        elif len(guarded.rows):
-            states, history = self.learner.learn(self.now.states, guarded.rows)
+        self.guard_state, judged, rows, stuck_for = self.guard.guard(self.guard_state, samples)
+        self.fed += judged
+        if stuck_for:
+            self._go_back(self.fed - stuck_for)
+        elif len(rows):
+            states, history = self.learner.learn(self.now.states, rows)
             self.recent.add(history.innovations)
             status = history.status[history.status != Status.REJECTED]
             determined = bool(status[-1] == Status.USED) if len(status) else self.now.determined
             self.now = replace(self.now, states=states, determined=determined)
         self.now = replace(self.now, fed=self.fed)
-        return guarded.judged
+        return judged
 
     def _go_back(self, since: int) -> None:
         """Restore a state from before `since`, the sample from which an encoder was stuck."""
@@ -174,7 +173,8 @@ class Session:
         count = main.equations(state)
         if count and not contradicting:
             power, unexplained = main.powers(state)
-            self.recent.usual = np.array([unexplained, power]) / _total_weight(main.fading, count)
+            weight = _total_weight(main.law.fading, count)
+            self.recent.usual = np.array([unexplained, power]) / weight
         self.older, self.newer = self.newer, self.now
         self.recent.begin()
 
@@ -188,8 +188,8 @@ class Session:
         if not settled or recent.equations < FEWEST or since <= 0:
             return []
         power, power_before = main.powers(state)[0], main.powers(begun)[0]
-        latest = np.maximum(power - main.fading**since * power_before, 0.0)
-        columns = (recent.errors / recent.equations, latest / _total_weight(main.fading, since))
+        latest = np.maximum(power - main.law.fading**since * power_before, 0.0)
+        columns = (recent.errors / recent.equations, latest / _total_weight(main.law.fading, since))
         numbers = np.vstack((*columns, recent.usual)).T.tolist()
         names = [row.name for row in self.learner.system.rows]
         return [Recent(name, *four) for name, four in zip(names, numbers, strict=True)]

@@ -330,21 +330,10 @@ def take(state, sample, settings, info, model, starts, room):
 @njit(**allocating)
 def room_for_samples(model):
     """Work arrays: a state and signals for the rows, vectors and a factor for the update."""
-    n_signals, width = model.n_coefficients + model.n_rows, model.width
-    for_rows = (
-        np.empty(2 * model.n_rows),
-        np.empty(n_signals),
-        np.empty(n_signals),
-        np.empty(n_signals),
-    )
-    for_law = (
-        np.empty(width),
-        np.empty(width),
-        np.empty(width),
-        np.empty(width),
-        np.empty(width * width),
-    )
-    return for_rows, for_law
+    count, width = model.n_coefficients + model.n_rows, model.width
+    signals = np.empty(count), np.empty(count), np.empty(count)
+    vectors = np.empty(width), np.empty(width), np.empty(width), np.empty(width)
+    return (np.empty(2 * model.n_rows),) + signals, vectors + (np.empty(width * width),)
 
 
 @njit(**equations)
