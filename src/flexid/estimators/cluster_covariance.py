@@ -1,7 +1,6 @@
 """Covariance of least squares with correlated residuals, corrected for few blocks."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -16,21 +15,6 @@ _AT_ONCE = 1024  # largest number of blocks whose matrices are in memory togethe
 _LEAST_SHARE = 0.05  # smallest part of a variance that the blocks' scores must show
 
 
-@dataclass(frozen=True, eq=False)
-class Clusters:
-    """Least-squares problem at its solution, divided into blocks."""
-
-    # (n_blocks, n, n): normal matrix of each block: first the unknowns of its segment, then the k
-    # common unknowns
-    normal: FloatArray
-    scores: FloatArray  # (n_blocks, n): derivatives times residuals, summed over each block
-    # (n_blocks,): segment of each block, counted from 0; blocks of a segment are adjacent
-    segments: NDArray[np.int64]
-    # (k, k): inverse of the common unknowns' normal matrix after elimination of the segments' own
-    # unknowns; zero in undetermined directions
-    inverse: FloatArray
-
-
 # The scores are summed over blocks long enough to be independent; the spread of the sums gives the
 # covariance (cluster sandwich). The fit makes residuals too small, and few blocks may make up most
 # of the spread. Bell and McCaffrey (Survey Methodology 28, 2002) and Pustejovsky and Tipton
@@ -40,20 +24,28 @@ class Clusters:
 # and (Σ λ)² / Σ λ² degrees of freedom, λ the eigenvalues of each variance as a quadratic form in
 # white noise (Satterthwaite). N_b and the scores J_bᵀ r_b are enough, since
 # J_bᵀ (I - J_b G J_bᵀ)^(-1/2) = (I - N_b G)^(-1/2) J_bᵀ. Initial states count as fitted, too.
-def cluster_influences(clusters: Clusters) -> tuple[FloatArray, FloatArray]:
+def cluster_influences(
+    # (n_blocks, n, n): normal matrix of each block at the solution of a least-squares problem:
+    # first the unknowns of its segment, then the k common unknowns
+    normals: FloatArray,
+    scores: FloatArray,  # (n_blocks, n): derivatives times residuals, summed over each block
+    segments: NDArray[np.int64],  # (n_blocks,): of each block, from 0 on; adjacent if the same
+    # (k, k): inverse of the common unknowns' normal matrix after elimination of the segments' own
+    # unknowns; zero in undetermined directions
+    inverse: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
     """Return influences U, (k, n_blocks), with covariance U Uᵀ, and degrees of freedom, (k,)."""
-    k = len(clusters.inverse)
-    influences = np.zeros((k, len(clusters.normal)))
+    k = len(inverse)
+    influences = np.zeros((k, len(normals)))
     if k == 0:
         return influences, np.zeros(0)
     shown = np.zeros(k)  # trace of the quadratic form, for white noise of unit variance
     squares, across, gram = np.zeros(k), np.zeros(k), np.zeros((k, k, k))
-    inverse = clusters.inverse
-    for places in _by_block_count(clusters.segments):
-        normal, scores = clusters.normal[places], clusters.scores[places]
+    for places in _by_block_count(segments):
+        normal = normals[places]
         own, borders = _own_unknowns(normal.sum(axis=1), k)
         adjusted = _adjusted(normal, own, borders, inverse)
-        influences[:, places] = np.einsum("sbcn,sbn->csb", adjusted, scores)
+        influences[:, places] = np.einsum("sbcn,sbn->csb", adjusted, scores[places])
         # One row for each block: how white noise enters each unknown's influence, through J_b.
         rows = adjusted @ normal
         alone = np.einsum("sbcn,sbcn->scb", rows, adjusted)
@@ -225,7 +217,7 @@ def block_influences(
         return np.zeros((len(inverse), 0)), np.zeros(len(inverse))
     normal = np.array([regressor[:, part] @ regressor[:, part].T for part in parts])
     scores = np.array([regressor[:, part] @ residual[part] for part in parts])
-    return cluster_influences(Clusters(normal, scores, np.arange(count), inverse))
+    return cluster_influences(normal, scores, np.arange(count), inverse)
 
 
 def covariance_of(influences: FloatArray, unknown: NDArray[np.bool_]) -> FloatArray:
@@ -257,11 +249,11 @@ def kept_covariance(
         total = normal.sum(axis=0)
         inverse, free = scaled_inverse(total, np.sqrt(np.diag(total)))
         try:
-            clusters = Clusters(normal, scores, np.arange(count), inverse)
-            influences[part], degrees = cluster_influences(clusters)
+            found = cluster_influences(normal, scores, np.arange(count), inverse)
         except np.linalg.LinAlgError:  # numbers far outside the range of any drive
             continue
-        freedom[part] = np.where(free, 0.0, degrees * _freedom_ratio(weights, lengths))
+        influences[part] = found[0]
+        freedom[part] = np.where(free, 0.0, found[1] * _freedom_ratio(weights, lengths))
     return covariance_of(influences, freedom == 0.0), freedom
 
 

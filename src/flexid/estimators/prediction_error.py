@@ -260,7 +260,10 @@ def prediction_error(
 def described(problem: SegmentedMotion, found: Minimum) -> PredictionErrorFit:
     """Return the fit at a minimum, with covariance and residuals."""
     reduced = found.reduced
-    influences, freedom = cluster_influences(problem.clusters(found.equations, reduced))
+    blocks = np.diff(problem.first_blocks)
+    segments = np.repeat(np.arange(len(blocks)), blocks)
+    equations = found.equations.normal, found.equations.gradient
+    influences, freedom = cluster_influences(*equations, segments, reduced.inverse)
     unknown = reduced.free | (freedom == 0.0)
     return PredictionErrorFit(
         problem.names,

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from flexid.arrays import FloatArray
 from flexid.estimators.budget import spend
 from flexid.estimators.channel_timing import INPUT, ChannelTiming, Timing
-from flexid.estimators.cluster_covariance import Clusters, block_duration
+from flexid.estimators.cluster_covariance import block_duration
 from flexid.estimators.normal_equations import Reduced, solve_arrow
 from flexid.estimators.samples import Segments, first_states, in_threads
 from flexid.estimators.unknowns import Unknowns
@@ -234,8 +235,9 @@ class SegmentedMotion:
     def _wanted(self) -> NDArray[np.int64]:
         """Indices of the coefficients by which some segment's motion is differentiated."""
         recordings = self.segments.recordings[self.segments.firsts].tolist()
-        # `depends` includes tied coefficients, which are no unknowns themselves.
-        slopes = [self.unknowns.depends(recording) for recording in recordings]
+        # This includes tied coefficients, which are no unknowns themselves.
+        nonzero = np.ones(len(self.unknowns.names))
+        slopes = [self.unknowns.derivatives(nonzero, recording) for recording in recordings]
         return np.flatnonzero(np.any(slopes, axis=(0, 2)))
 
     def dry_rows(self, point: Point) -> NDArray[np.bool_]:
@@ -337,11 +339,9 @@ class SegmentedMotion:
         columns = np.zeros(places.AT + self._kernel.N_COEFFICIENTS, dtype=np.int64)
         columns[places.DELAY] = carried if INPUT in sought else 0
         late_columns = np.full(self.segments.outputs.shape[1], _NOT_ESTIMATED, dtype=np.int64)
-        size = carried
-        for a, name in enumerate(self._channels.output_delays):
-            if name in sought:
-                late_columns[a] = size
-                size += 1
+        late = [a for a, name in enumerate(self._channels.output_delays) if name in sought]
+        size = carried + len(late)
+        late_columns[late] = np.arange(carried, size)
         if self.observer is not None:  # corrections of the state depend on the outputs' delays
             carried = size
         columns[places.IN_USE] = 1 + carried
@@ -365,10 +365,7 @@ class SegmentedMotion:
         for a, b in pairwise(edges):
             blocks = slice(firsts[a], firsts[b])
             slopes = self.unknowns.derivatives(values[:k], int(recordings[a]))[wanted]
-            chain = np.zeros((n_states + len(wanted) + n_delays, n_states + k + n_delays))
-            chain[:n_states, :n_states] = np.eye(n_states)
-            chain[n_states : n_states + len(wanted), n_states : n_states + k] = slopes
-            chain[n_states + len(wanted) :, n_states + k :] = np.eye(n_delays)
+            chain = np.asarray(block_diag(np.eye(n_states), slopes, np.eye(n_delays)))
             chained.append(chain.T @ normal[blocks] @ chain)
             pulled.append(gradient[blocks] @ chain)
         return np.concatenate(chained), np.concatenate(pulled)
@@ -387,16 +384,6 @@ class SegmentedMotion:
             own = normal[:, velocity, velocity]
             normal[:, velocity, velocity] = np.where(own < weak * prior, own + prior, own)
         return solve_arrow(normal, gradient, self._kernel.N_STATES, damping)
-
-    def clusters(self, equations: Equations, reduced: Reduced) -> Clusters:
-        """Return the blocks at a minimum, from which the covariance is computed."""
-        blocks = np.diff(self.first_blocks)
-        return Clusters(
-            equations.normal,
-            equations.gradient,
-            np.repeat(np.arange(len(blocks)), blocks),
-            reduced.inverse,
-        )
 
 
 def segmented_motion(

@@ -89,17 +89,6 @@ class Unknowns:
             slopes[target] = by_source @ slopes[[a, b, d]]
         return slopes
 
-    def depends(self, recording_index: int) -> NDArray[np.bool_]:
-        """Return the pattern of nonzero `derivatives`, shape (n_coefficients, n_names)."""
-        columns, fixed = self._columns_and_fixed(recording_index)
-        pattern = np.zeros((len(columns), len(self.names)), dtype=np.bool_)
-        sought = np.flatnonzero(columns != FIXED)
-        pattern[sought, columns[sought]] = True
-        for target, (a, b, d) in self._ties:
-            if columns[a] != FIXED or fixed[a] != 0.0:  # a term that is off stays off
-                pattern[target] = pattern[a] | pattern[b] | pattern[d]
-        return pattern
-
     @cached_property
     def _ties(self) -> tuple[tuple[int, tuple[int, ...]], ...]:
         place = {name: i for i, name in enumerate(self.system.coefficients)}
@@ -138,26 +127,22 @@ class Unknowns:
         }
 
     def _columns_and_fixed(self, recording_index: int) -> tuple[NDArray[np.int64], FloatArray]:
-        """Columns and fixed values of a recording; cached, as every step of a fit needs them."""
-        if recording_index not in self._cache:
-            place = {name: i for i, name in enumerate(self.names)}
-            labels = {
-                c: _of_group(c, self.groups[recording_index]) if len(own) > 1 else c
-                for c, own in self._labels.items()
-            }
-            columns = np.array([place.get(label, FIXED) for label in labels.values()], np.int64)
-            fixed = np.array(
-                [self.fixed.get(label, self.fixed.get(c, 0.0)) for c, label in labels.items()],
-                np.float64,
-            )
-            for values in (columns, fixed):
-                values.setflags(write=False)
-            self._cache[recording_index] = columns, fixed
-        return self._cache[recording_index]
+        """Columns and fixed values of a recording."""
+        return self._by_group[self.groups[recording_index] if self.groups else 0]
 
     @cached_property
-    def _cache(self) -> dict[int, tuple[NDArray[np.int64], FloatArray]]:
-        return {}
+    def _by_group(self) -> dict[int, tuple[NDArray[np.int64], FloatArray]]:
+        """Columns and fixed values by group; cached, as every step of a fit needs them."""
+        place = {name: i for i, name in enumerate(self.names)}
+        found = {}
+        for group in {*self.groups} or {0}:
+            labels = {
+                c: _of_group(c, group) if len(own) > 1 else c for c, own in self._labels.items()
+            }
+            fixed = [self.fixed.get(label, self.fixed.get(c, 0.0)) for c, label in labels.items()]
+            columns = [place.get(label, FIXED) for label in labels.values()]
+            found[group] = np.array(columns, np.int64), np.array(fixed, np.float64)
+        return found
 
 
 def _of_group(coefficient: str, group: int) -> str:
