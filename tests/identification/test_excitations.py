@@ -120,7 +120,9 @@ def noisy_sine(noise: np.ndarray) -> RowFit:
     link, deflection = sine + noise[0], 0.03 * sine + noise[1]
     row = row_of({"theta1": link, "theta2": deflection}, sine)
     empty = np.empty((0, 0))
-    return RowFit("link", row.coefficients, row.gram, empty, row.total_sum, (), empty, sine, sine)
+    return RowFit(
+        "link", row.coefficients, row.gram, empty, row.total_sum, (), empty, sine, sine, empty
+    )
 
 
 @pytest.mark.parametrize(("count", "lost"), [(100, True), (4000, False)])

@@ -33,6 +33,7 @@ class RowFit:
     regressors: FloatArray  # (k, n_equations): recordings one after the other
     left_hand_side: FloatArray  # (n_equations,): measured values minus known and fixed terms
     fitted: FloatArray  # (n_equations,): fit of the left-hand side
+    values: FloatArray  # (k,): values of the unknowns
 
     @property
     def count(self) -> int:
@@ -102,36 +103,16 @@ class LeastSquaresFit:
         return covariance_of(influences, (freedom == 0.0) | free), tuple(freedom.tolist())
 
 
-def fit_rows(
-    unknowns: Unknowns,
-    regressors: FloatArray,  # (n_names, n_equations)
-    left_hand_sides: FloatArray,  # (n_rows, n_equations)
-) -> tuple[FloatArray, tuple[RowFit, ...]]:
-    """Fit every row by least squares; return values, shape (n_names,), and each row's fit."""
-    values = np.zeros(len(unknowns.names))
-    rows = []
-    first = 0
-    for row, left_hand_side in zip(unknowns.system.rows, left_hand_sides, strict=True):
-        names = unknowns.names_of(row)
-        part = slice(first, first + len(names))
-        fit, values[part] = _fit_row(row.name, names, regressors[part], left_hand_side)
-        rows.append(fit)
-        first = part.stop
-    return values, tuple(rows)
-
-
 def _fit_row(
     name: str, coefficients: tuple[str, ...], regressors: FloatArray, left_hand_side: FloatArray
-) -> tuple[RowFit, FloatArray]:
-    """Fit one row by least squares; return its fit and values."""
+) -> RowFit:
+    """Fit one row by least squares."""
     gram = regressors @ regressors.T
-    scale = np.sqrt(np.diag(gram))
-    inverse, free = scaled_inverse(gram, scale)
+    inverse, free = scaled_inverse(gram, np.sqrt(np.diag(gram)))
     values = inverse @ (regressors @ left_hand_side)
     # One refinement brings the normal equations to the accuracy of an orthogonal factorisation.
     values += inverse @ (regressors @ (left_hand_side - values @ regressors))
-    fitted = values @ regressors
-    fit = RowFit(
+    return RowFit(
         name,
         coefficients,
         gram,
@@ -140,9 +121,9 @@ def _fit_row(
         tuple(c for c, is_free in zip(coefficients, free, strict=True) if is_free),
         regressors,
         left_hand_side,
-        fitted,
+        values @ regressors,
+        values,
     )
-    return fit, values
 
 
 FASTEST = 0.5
@@ -198,8 +179,13 @@ def filtered_least_squares(
     most = max(len(unknowns.names_of(row)) for row in system.rows)
     times = [recording.sample_time for recording in used]
     blocks = block_lengths(lengths, times, filter_rate, most)
-    values, rows = fit_rows(unknowns, regressors, left_hand_sides)
-    return LeastSquaresFit(unknowns.names, values, rows, tuple(blocks))
+    rows, stop = [], 0
+    for row, left_hand_side in zip(system.rows, left_hand_sides, strict=True):
+        names = unknowns.names_of(row)
+        own = slice(stop, stop := stop + len(names))
+        rows.append(_fit_row(row.name, names, regressors[own], left_hand_side))
+    values = np.concatenate([row.values for row in rows])
+    return LeastSquaresFit(unknowns.names, values, tuple(rows), tuple(blocks))
 
 
 def filtered_signals(
