@@ -16,19 +16,19 @@ from flexid.models.motion import JointType
 from flexid.readers.formats import format_of
 from flexid.recording import checks
 from flexid.recording.columns import read_channels
-from flexid.recording.directions import are_opposed, change_signs, reversed_channels
 from flexid.recording.outliers import mend
 from flexid.recording.recording import ENCODERS, INPUTS, VELOCITIES, Draft, Log, Rank, Recording
 from flexid.recording.sampling import (
+    EVEN,
     MOST_GAPS,
     Grid,
     are_gaps,
     drop_repeats,
     even_grid,
+    interpolated,
     keep_common,
-    to_grid,
 )
-from flexid.recording.slow_motion import check_motion
+from flexid.recording.slow_motion import are_opposed, check_motion, correct_signs
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
 from flexid.recording.velocities import integral, is_used
@@ -174,13 +174,12 @@ def _log_of(log: Draft, table: Table, grid: Grid, *, rests: bool, alone: bool) -
     _add_link_position(log)
     if not rests:
         _check_together(log)
-    recordings = _recordings_of(log, grid)
+    recordings = [_recording_of(log, grid, part) for part in grid.recordings]
     backward: dict[str, None] = {}
-    while not rests and (names := [*reversed_channels(log, _most_moved(recordings), alone=alone)]):
-        change_signs(log, names)
+    while not rests and (names := correct_signs(log, _most_moved(recordings), alone=alone)):
         _align(log, wrapped)
         _add_link_position(log)
-        recordings = _recordings_of(log, grid)
+        recordings = [_recording_of(log, grid, part) for part in grid.recordings]
         origins |= {name: log.channels[name].origin for name in names}
         backward |= dict.fromkeys(names)
     if not rests and are_opposed(_most_moved(recordings)):
@@ -192,13 +191,6 @@ def _log_of(log: Draft, table: Table, grid: Grid, *, rests: bool, alone: bool) -
         check_motion(log, max(recordings, key=len), alone=alone)
     rest = table.sha256, origins, rests, tuple(backward)
     return Log(tuple(recordings), tuple(log.warnings), log.file, *rest)
-
-
-def _recordings_of(log: Draft, grid: Grid) -> list[Recording]:
-    return [
-        _recording_of(log, grid.sample_time, part, resample=grid.resample)
-        for part in grid.recordings
-    ]
 
 
 def _most_moved(recordings: Sequence[Recording]) -> Recording:
@@ -239,23 +231,24 @@ def _check_together(log: Draft) -> None:
         checks.check_speed(log, name)
 
 
-def _recording_of(
-    log: Draft, sample_time: float, part: slice, *, resample: bool = False
-) -> Recording:
-    """One part of a log as a recording, interpolated to even times if `resample`."""
+def _recording_of(log: Draft, grid: Grid, part: slice) -> Recording:
+    """One part of a log as a recording on an even grid."""
     time = log.time[part]
     drive = next(iter(log.those_of(INPUTS)), "")
+    # The last time stamp may precede the last even time by its rounding.
+    count = int((time[-1] - time[0]) / grid.sample_time + EVEN) + 1
+    even = np.minimum(time[0] + grid.sample_time * np.arange(count), time[-1])
 
     def sampled(name: str) -> FloatArray | None:
         if name not in log.channels:
             return None
         values = log[name][part]
-        return to_grid(time, values, sample_time, held=name == drive) if resample else values
+        return interpolated(time, values, even, held=name == drive) if grid.resample else values
 
     motor_position = sampled("motor_position")
     assert motor_position is not None
     return Recording(
-        sample_time=sample_time,
+        sample_time=grid.sample_time,
         start_time=float(time[0]),
         link_position=sampled("link_position"),
         motor_position=motor_position,
@@ -278,12 +271,10 @@ def unwrap(log: Draft) -> str:
 
     Return the name of the last position that was unwrapped, or an empty text.
     """
-    encoders = log.those_of(ENCODERS)
-    wrapped = []
-    for name in encoders:
-        wrapped += [name] if _unwrap(log, name) else []
+    last = ""
+    for name in log.those_of(ENCODERS):
+        last = name if _unwrap(log, name) else last
         _check_jumps(log, name)
-    last = wrapped[-1] if wrapped else ""
     _align(log, last)
     return last
 

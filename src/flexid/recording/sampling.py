@@ -78,7 +78,9 @@ def _order_error(log: Draft, table: Table, is_next: NDArray[np.bool_]) -> Record
     """Error for the first row whose time does not increase."""
     time, column = log.time, log.channels["time"].column
     index = int(np.argmax(~is_next)) + 1
-    is_stamped, is_back = _is_stamp(table, column, index), time[index] < time[index - 1]
+    cell = table.frame[column][index] if column in table.names else 0.0
+    is_stamped = not isinstance(cell, int | float) and is_stamp(str(cell))
+    is_back = time[index] < time[index - 1]
     forward = np.diff(time)[np.diff(time) > 0.0]
     if not is_stamped and len(forward):  # the cause may be a wrong unit of the time
         check_typical(log.file, log.channels["time"].place, float(np.median(forward)), forward)
@@ -91,12 +93,6 @@ def _order_error(log: Draft, table: Table, is_next: NDArray[np.bool_]) -> Record
     )
     reason += _OF_STAMPS if is_stamped and is_back else ""
     return RecordingError(table.file, table.place(index, column), reason)
-
-
-def _is_stamp(table: Table, column: str, index: int) -> bool:
-    """Whether the time of a row is a time stamp in text."""
-    cell = table.frame[column][index] if column in table.names else 0.0
-    return not isinstance(cell, int | float) and is_stamp(str(cell))
 
 
 def keep_common(logs: Sequence[Draft]) -> None:
@@ -279,15 +275,6 @@ def _last_digit(time: FloatArray) -> float:
         if np.abs(numbers - np.rint(numbers)).max() < EVEN:
             return 10.0**power
     return 0.0
-
-
-def to_grid(
-    time: FloatArray, values: FloatArray, sample_time: float, held: bool = False
-) -> FloatArray:
-    """Return a channel at even times from its first to its last time stamp."""
-    count = int((time[-1] - time[0]) / sample_time + EVEN) + 1
-    even = np.minimum(time[0] + sample_time * np.arange(count), time[-1])
-    return interpolated(time, values, even, held=held)
 
 
 def interpolated(time: FloatArray, values: FloatArray, at: FloatArray, *, held: bool) -> FloatArray:

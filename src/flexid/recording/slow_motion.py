@@ -1,18 +1,23 @@
-"""Detection of scales and units that the mechanics of the joint contradict.
+"""Detection of scales, units and signs that the mechanics of the joint contradict.
 
-With viscous and dry friction of the link, and with a late encoder, the mechanics are
+With viscous and dry friction, and with a late encoder, the mechanics are
 
-    link - motor = -(J link'' + g sin(link + angle)) / k + a link' + b sign(link') + c.
+    link - motor     = -(J link'' + g sin(link + angle)) / k + a link' + b sign(link') + c,
+    torque           =  (J + M) motor'' + J (link - motor)'' + g sin(link + angle) + friction.
 
-The equation also applies to signals that are all smoothed by one kernel, so no noise has to be
+The equations also apply to signals that are all smoothed by one kernel, so no noise has to be
 differentiated. If the deflection also contains a share of the motor position itself, the two
 encoders differ in scale. If gravity fits a torque, or a deflection, with 57.3, 1/57.3 or 2π times
-the angle instead of the angle, the unit of the angle is wrong.
+the angle instead of the angle, the unit of the angle is wrong. A deflection opposes the link's
+acceleration, and a torque has the sign of the motor's: if a log shows the opposite, a sign is
+wrong, since stiffness and inertia are positive, and a drive cannot return more energy than it
+received.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from itertools import chain
 
@@ -20,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.recording.recording import ENCODERS, Caution, Draft, Rank, Recording
+from flexid.recording.recording import ENCODERS, INPUTS, Caution, Draft, Rank, Recording
 from flexid.recording.velocities import best_half_window, velocity
 
 _REACH = 6.0  # half length of the smoothing kernel in standard deviations: truncated at 1e-8
@@ -232,3 +237,123 @@ def _scaled(signals: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
     sizes = np.linalg.norm(matrix, axis=0)
     sizes[sizes == 0.0] = 1.0
     return matrix / sizes, sizes
+
+
+_OPPOSITE = -0.98  # correlation of link and motor of about the same amplitude
+_SIZE_RATIO = 1.1  # of link and motor: a soft joint near its resonance moves one side more
+_DISSIPATED = 0.02  # friction's least share of the absolute work: more in 54 of 56 trials
+_MOST_LEFT = 0.5  # largest residual over the signal, as squares, of a deflection or an input
+_BETTER_FIT = 0.5  # residual after over before a change of sign: at most 0.33 if it is needed
+
+
+def correct_signs(log: Draft, recording: Recording, *, alone: bool) -> list[str]:
+    """Change the sign of a channel that has the wrong one, with a warning; return its name.
+
+    Its velocity is changed as well if that agrees with it. An input is tested only if the joint is
+    `alone`: inputs of an arm also move other joints.
+    """
+    if _is_reversed_link(recording):
+        name, why = "link_position", "it moves against the motor's position"
+    elif recording.link_from_deflection and _fits_turned(
+        recording, recording.motor_position - recording.deflection
+    ):
+        name, why = "deflection", "by the link's acceleration it is motor minus link position"
+    elif alone and _is_reversed_input(recording):
+        name = next(name for name in INPUTS if name in log.channels)
+        why = "it acts against the motor's acceleration"
+    else:
+        return []
+    names = [name]
+    velocity = name.replace("position", "velocity")
+    has_one = velocity != name and velocity in log.channels
+    if has_one and log[velocity][1:] @ np.diff(log[name]) > 0.0:
+        names.append(velocity)
+    log.warn(
+        names if len(names) > 1 else name,
+        f"{' and '.join(names)} {'were' if len(names) > 1 else 'was'} taken with the other sign, "
+        f"since {why}: check it, and reverse the sign of its scale in a column map (write "
+        f"scale = -1 if it has none)",
+        Rank.SCALE,
+    )
+    for changed in names:
+        channel = log.channels[changed]
+        factor, offset = -channel.origin.factor, 0.0 - channel.origin.offset
+        origin = replace(channel.origin, factor=factor, offset=offset)
+        log.channels[changed] = replace(channel, values=-channel.values, origin=origin)
+    return names
+
+
+def _is_reversed_link(recording: Recording) -> bool:
+    """Whether the link's encoder counts in the opposite direction."""
+    # Above the antiresonance the two sides do move in opposite directions, at resonance with the
+    # same amplitude if their inertias are equal. Then the deflection as logged fits the mechanics.
+    link = recording.link_position
+    if link is None or recording.clamped or recording.link_from_deflection:
+        return False
+    if np.corrcoef(link, recording.motor_position)[0, 1] >= 0.0:
+        return False
+    return _fits_turned(recording, -link, otherwise=are_opposed(recording))
+
+
+def are_opposed(recording: Recording) -> bool:
+    """Whether link and motor positions are nearly opposite."""
+    link, motor = recording.link_position, recording.motor_position
+    if link is None or recording.clamped:
+        return False
+    ratio = float(motor.std() / link.std())
+    is_opposed = np.corrcoef(link, motor)[0, 1] < _OPPOSITE
+    return bool(is_opposed and 1.0 / _SIZE_RATIO < ratio < _SIZE_RATIO)
+
+
+def _fits_turned(recording: Recording, turned_link: FloatArray, *, otherwise: bool = False) -> bool:
+    """Whether the turned link fits the mechanics better; `otherwise` if neither sign fits."""
+    smoothed = smoothing(recording)
+    if smoothed is None:
+        return otherwise
+    (is_right, left), (is_other_right, left_other) = (
+        _opposes(
+            smoothed(link - recording.motor_position),
+            smoothed(link, 2),
+            _resistance(recording, smoothed, link),
+        )
+        for link in (recording.needed_link_position, turned_link)
+    )
+    if not is_other_right:
+        return otherwise and not is_right
+    return not is_right or left_other < _BETTER_FIT * left
+
+
+def _is_reversed_input(recording: Recording) -> bool:
+    """Whether an input opposes the motor's acceleration, and its work on the drive is negative."""
+    # Each condition alone is possible. With one encoder, an elastic load may accelerate against an
+    # input that does positive work. A load that is lowered returns work, but follows the input.
+    smoothed = smoothing(recording)
+    if smoothed is None or recording.input is None or recording.clamped:
+        return False
+    motor, link = recording.motor_position, recording.link_position
+    others = _resistance(recording, smoothed, motor if link is None else link)
+    if link is not None:
+        others = [smoothed(link - motor, 2), *others]
+    work = 0.5 * (recording.input[1:] + recording.input[:-1]) * np.diff(motor)
+    if work.sum() >= -_DISSIPATED * np.abs(work).sum():
+        return False
+    return _opposes(smoothed(recording.input), smoothed(motor, 2), others)[0]
+
+
+def _opposes(
+    signal: FloatArray, acceleration: FloatArray, others: Sequence[FloatArray]
+) -> tuple[bool, float]:
+    """Whether a signal clearly opposes the acceleration, and the share that is left unexplained."""
+    share, error = own_share(signal, acceleration, others)
+    size = left_over(signal)
+    left = left_over(signal, [acceleration, *others]) / size if size else 1.0
+    # Fewer samples are overfitted, and the jackknife then underestimates the error.
+    is_enough = len(signal) >= PARTS * (len(others) + 2)
+    return bool(is_enough and left < _MOST_LEFT and share < -_CERTAIN * error), left
+
+
+def _resistance(recording: Recording, smoothed: Smoothing, moved: FloatArray) -> list[FloatArray]:
+    """Regressors of gravity (of a linear axis: of a spring load) and of one side's friction."""
+    turns = recording.joint == "revolute"
+    load = [smoothed(np.sin(moved)), smoothed(np.cos(moved))] if turns else [smoothed(moved)]
+    return [*load, smoothed(moved, 1), smoothed.sign(moved)]
