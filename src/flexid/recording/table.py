@@ -129,16 +129,13 @@ class Table:
                 column = column.str.replace(",", ".", literal=True)
             numbers = column.cast(pl.Float64, strict=False)
         values = np.require(numbers.to_numpy(), np.float64, "W")
-        with np.errstate(all="ignore"):  # the sum may overflow
-            total = values.sum()
-        # The sum is finite only if all numbers are, and faster than a test of each.
-        if not (np.isfinite(total) or np.isfinite(values).all()):
-            bad = ~np.isfinite(values)
-            if holes:
-                bad &= ~self._is_hole(name)
-                values[~np.isfinite(values) & ~bad] = np.nan
-            if bad.any():
-                raise self._cell_error(name, np.flatnonzero(bad).tolist())
+        bad = ~np.isfinite(values)
+        if bad.any() and holes:
+            is_hole = bad & self._is_hole(name)
+            values[is_hole] = np.nan
+            bad &= ~is_hole
+        if bad.any():
+            raise self._cell_error(name, np.flatnonzero(bad).tolist())
         return values
 
     def _is_hole(self, name: str) -> NDArray[np.bool_]:
@@ -261,8 +258,7 @@ class Clock:
         self._since_1970 = since_1970
         self._origin: int | None = None  # tick from which time stamps are counted
         self._origins: dict[str, Any] = {}  # by column, the number from which others are counted
-        self._form: str | None = None  # format of the time stamps
-        self._is_known = False  # whether the format is decided; it may be None
+        self._form: str | None = None  # format of the time stamps; empty if there are none
         self._rows = 0  # number of rows so far, of a log without time stamps
         self._last: int | None = None  # tick of the last time of day
         self._days = 0  # midnights since the first one
@@ -274,9 +270,9 @@ class Clock:
         column = table.frame[header]
         dtype = column.dtype
         if dtype == pl.String:
-            if not self._is_known:
-                self._decide_format(column, is_stream=table.mark is not None)
             if self._form is None:
+                self._form = _first_form(column) if table.mark is None else _usual_form(column)
+            if not self._form:
                 return None
             ticks, per_second = _ticks(column, self._form), 10**9
             is_of_day = self._form == _OF_DAY
@@ -292,15 +288,6 @@ class Clock:
         found = self._over_midnight(found) if is_of_day else found
         seconds[ticks.is_not_null().to_numpy()] = self._seconds(found, per_second)
         return seconds
-
-    def _decide_format(self, column: polars.Series, *, is_stream: bool) -> None:
-        """Decide the format of the stamps: that of the first cell, or the usual one of a stream."""
-        if is_stream:
-            found = _usual_form(column)
-        else:
-            filled = (cell.strip() for cell in column.head(100) if cell and cell.strip())
-            found = _form_of(next(filled, ""))
-        self._form, self._is_known = found, found is not None or is_stream
 
     def counted(self, rows: int) -> FloatArray:
         """Return the numbers of the next `rows` rows, counted from 0."""
@@ -367,12 +354,18 @@ class Clock:
         raise RecordingError(table.file, table.place(index, header), reason)
 
 
-def _usual_form(column: polars.Series) -> str | None:
-    """Most frequent format of time stamps, if there are more stamps than numbers."""
+def _first_form(column: polars.Series) -> str | None:
+    """Format of the first cell that is not empty; None if it is no time stamp."""
+    filled = (cell.strip() for cell in column.head(100) if cell and cell.strip())
+    return _form_of(next(filled, ""))
+
+
+def _usual_form(column: polars.Series) -> str:
+    """Most frequent format of time stamps; empty unless there are more stamps than numbers."""
     cells = [cell for cell in column if cell is not None]
     forms = Counter(form for form in map(_form_of, cells) if form is not None)
     is_stamped = forms.total() > sum(map(is_number, cells))
-    return max(forms, key=lambda form: forms[form]) if is_stamped else None
+    return max(forms, key=lambda form: forms[form]) if is_stamped else ""
 
 
 def _exact(table: Table, header: str) -> polars.Series | None:

@@ -99,6 +99,7 @@ def _samples(
     file: str, layout: Layout, body: bytes, header: str, *, is_cut: bool
 ) -> tuple[Layout, bytes]:
     """Remove lines without a sample, and half a last row; raise for rows of another width."""
+    is_blank, width = layout.separator == BLANK, len(layout.names)
     kept: list[str] = []
     left_out: dict[int, str] = {}
 
@@ -106,15 +107,17 @@ def _samples(
         text = body.decode("utf-8", errors="replace")
         for number, line in enumerate(text.split("\n"), layout.first_line):
             bare = line.strip()
-            if not bare or bare == header or bare.startswith(COMMENTS):
-                why = _why_no_sample(layout, header, line)
-                if why:
-                    left_out[number] = why
-                    continue
-            kept.append(line)
-            yield " ".join(line.split()) if layout.separator == BLANK else line
+            if not bare or bare == header:
+                left_out[number] = "the column names once more" if bare else "blank"
+            elif bare.startswith(COMMENTS) and (
+                is_blank or len(split(line, layout.separator)) != width
+            ):
+                left_out[number] = "a comment"
+            else:
+                kept.append(line)
+                yield " ".join(line.split()) if is_blank else line
 
-    done, fault, width = 0, "", len(layout.names)
+    done, fault = 0, ""
     try:
         for row in csv.reader(lines(), delimiter=layout.separator, strict=True):
             if len(kept) > done + 1:
@@ -143,27 +146,15 @@ def _samples(
     return replace(layout, left_out=left_out), "\n".join(kept).encode()
 
 
-def _why_no_sample(layout: Layout, header: str, line: str) -> str:
-    """Reason why a line is not a sample: blank, a header or a comment; empty if it is a row."""
-    bare = line.strip()
-    if not bare or bare == header:
-        return "the column names once more" if bare else "blank"
-    is_row = layout.separator != BLANK and len(split(line, layout.separator)) == len(layout.names)
-    return "" if is_row else "a comment"
-
-
-def _one_blank(text: bytes) -> bytes:
-    """Text with single blanks between cells, and none at the ends of lines."""
-    return re.sub(rb"(?m)^ +| +$", b"", re.sub(rb"[ \t\r]+", b" ", text))
-
-
 def _frame(layout: Layout, body: bytes) -> polars.DataFrame | None:
     """Cells of rows as text; None if they do not form a table."""
     import polars as pl
 
+    if layout.separator == BLANK:  # single blanks between cells, and none at the ends of lines
+        body = re.sub(rb"(?m)^ +| +$", b"", re.sub(rb"[ \t\r]+", b" ", body))
     try:
         return pl.read_csv(
-            _one_blank(body) if layout.separator == BLANK else body,
+            body,
             separator=layout.separator, has_header=False, infer_schema=False,
             schema=dict.fromkeys(layout.names, pl.String),
         )  # fmt: skip
@@ -186,31 +177,22 @@ def _rows(text: bytes) -> bytes:
 _CONTROLS = bytes((*range(9), *range(14, 32)))
 
 
-def check_text(file: str, raw: bytes) -> None:
-    """Raise if bytes are not text in UTF-8 or Latin-1."""
-    sample = raw[:65536]
-    sample = sample.rstrip(b"\0") or sample  # a file that was not closed may have trailing zeros
-    controls = len(sample) - len(sample.translate(None, _CONTROLS))
-    if b"\0" in sample or controls > 0.01 * len(sample):
-        raise RecordingError(
-            file,
-            "",
-            "this is a binary or packed file, not text: unpack it, or export the log as CSV or "
-            "Parquet",
-        )
-
-
 def as_utf_8(file: str, raw: bytes) -> bytes:
     """Return a text as UTF-8 without byte-order mark, with line feeds and ASCII minus signs."""
-    encoding = _utf_16(raw)
+    refuse, encoding = partial(RecordingError, file, ""), _utf_16(raw)
     if encoding:
         try:
             raw = raw.decode(encoding).encode("utf-8")
         except UnicodeError:
-            raise RecordingError(
-                file, "", "the text is damaged UTF-16: save the file as UTF-8"
-            ) from None
-    check_text(file, raw)
+            raise refuse("the text is damaged UTF-16: save the file as UTF-8") from None
+    sample = raw[:65536]
+    sample = sample.rstrip(b"\0") or sample  # a file that was not closed may have trailing zeros
+    controls = len(sample) - len(sample.translate(None, _CONTROLS))
+    if b"\0" in sample or controls > 0.01 * len(sample):
+        raise refuse(
+            "this is a binary or packed file, not text: unpack it, or export the log as CSV or "
+            "Parquet"
+        )
     text = raw.replace(b"\xef\xbb\xbf", b"")  # everywhere, since joined files have several
     if not text.isascii():
         try:
