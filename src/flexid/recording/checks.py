@@ -29,8 +29,8 @@ _DEAD = {
     "deflection": "the link moves as if rigidly tied to the motor, or the sensor is dead",
     **dict.fromkeys(ENCODERS, "the encoder is stuck or not connected"),
     **dict.fromkeys(VELOCITIES, "the sensor is dead, so leave the column out"),
+    **dict.fromkeys(INPUTS, "nothing drives the motor"),
 }
-_DEAD_INPUT = "nothing drives the motor"
 
 
 def check_magnitude(log: Draft) -> None:
@@ -86,8 +86,8 @@ def _is_constant(values: FloatArray, about: FloatArray) -> bool:
 
 
 def _constant_error(log: Draft, name: str, what: str) -> RecordingError:
-    why = _DEAD.get(name, _DEAD_INPUT)
-    reason = f"{name} is {what} and carries no information ({why}): record it while it moves"
+    found = f"{name} is {what} and carries no information ({_DEAD[name]})"
+    reason = f"{found}: record it while it moves"
     if name in ENCODERS:
         reason += f", or, if that side is clamped, write {name} = 0 in a column map"
     return log.refusal(name, reason)
@@ -261,8 +261,6 @@ _CLEAR = 20.0  # smallest motion, in standard deviations of a position's noise
 MOVED = 0.1  # of its range: smallest motion of the other side where no jump follows
 _JUMP = 3.0  # size of a jump over the largest step after it
 
-Stretch = tuple[int, int]  # first sample, and the sample after the last one
-
 
 def drop_frozen(log: Draft) -> None:
     """Remove samples that a stuck sensor repeats, so that the log has a gap there.
@@ -297,13 +295,17 @@ def drop_frozen(log: Draft) -> None:
         log.keep(kept)
 
 
-def _frozen_stretches(log: Draft, name: str, clear: Mapping[str, float]) -> Iterator[Stretch]:
-    """Stretches in which one sensor repeats its value while the other side moves."""
+def _frozen_stretches(
+    log: Draft, name: str, clear: Mapping[str, float]
+) -> Iterator[tuple[int, int]]:
+    """First sample and end of each part in which only the other side moves."""
     values = log[name]
     other = next((one for one in clear if one != name), None)
     if other is None or not np.ptp(values):
         return
-    for start, stop in _unchanging(values):
+    edges = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1, [len(values)]))
+    for place in np.flatnonzero(np.diff(edges) >= FEWEST_STILL):
+        start, stop = edges[place : place + 2].tolist()
         moves = log[other][start:stop]
         if np.ptp(moves) <= clear[other] or len(np.unique(moves)) < FEWEST_STILL // 2:
             continue
@@ -311,13 +313,6 @@ def _frozen_stretches(log: Draft, name: str, clear: Mapping[str, float]) -> Iter
         lasting = stop == len(values) and stop - start >= _LASTING_SHARE * len(values)
         if _jumps(values[stop - 1 :], clear[name]) or (lasting and far):
             yield start, stop
-
-
-def _unchanging(values: FloatArray) -> Iterator[Stretch]:
-    """Stretches of at least `FEWEST_STILL` samples in which a channel does not change."""
-    edges = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1, [len(values)]))
-    for place in np.flatnonzero(np.diff(edges) >= FEWEST_STILL):
-        yield int(edges[place]), int(edges[place + 1])
 
 
 def _jumps(values: FloatArray, clear: float) -> bool:

@@ -18,6 +18,7 @@ from flexid.recording.names import (
     words_of,
 )
 from flexid.recording.recipes import (
+    ARGUMENT,
     NO_GEAR,
     ColumnMap,
     MapSource,
@@ -184,16 +185,15 @@ class _Plan:
         taken = {one.header for one in self.found.values()}
         short = {h: self.table.short_name(h) for h in self.table.names if h not in taken}
         ignored = common_words(short.values())
-        named = {header: named_channel(name, ignored) for header, name in short.items()}
-        usual = {header: one for header, one in named.items() if one is not None}
+        usual = {h: one for h, name in short.items() if (one := named_channel(name, ignored))}
         joint = self._joint_of(usual)
         found: dict[str, list[Recipe]] = {}
-        of_joint = {header: one for header, one in usual.items() if one.joint in ("", joint)}
         commanded: dict[str, list[Recipe]] = {}
-        for header, one in of_joint.items():
-            recipe = recipe_of_column(self.table, header, one.unit)
-            kind = commanded if one.commanded else found
-            kind.setdefault(one.channel, []).append(recipe)
+        for header, one in usual.items():
+            if one.joint in ("", joint):
+                recipe = recipe_of_column(self.table, header, one.unit)
+                kind = commanded if one.commanded else found
+                kind.setdefault(one.channel, []).append(recipe)
         # Columns in absolute units take precedence over counts and percentages.
         plain = {
             name: [one for one in own if not is_relative(one.unit or "")]
@@ -256,7 +256,9 @@ class _Plan:
             return
         hints = [nearest_name(label.split(" ")[0], bare.values()) for label in missing]
         lacks = ", no ".join(label + hint for label, hint in zip(missing, hints, strict=True))
-        what = self.map.described if self.is_mapped else "a column map"
+        what = "a column map"
+        if self.is_mapped:
+            what = ARGUMENT if self.map.file == ARGUMENT else f"the column map {self.map.file}"
         found = f"found {self.table.listing}"
         likely = next((f", as {name} = {header!r}" for name, header in _likely(missing, bare)), "")
         if is_optional:

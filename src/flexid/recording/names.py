@@ -5,7 +5,7 @@ import re
 import tomllib
 import unicodedata
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -115,7 +115,6 @@ def _known_parts(word: str) -> tuple[str, ...]:
     return ()
 
 
-MOST_TIMES = 3  # in a message
 _TIMES = ("s", "ms", "us", "ns")
 _FEWEST_NAMES = 3  # names with a quantity; a word that all of them share is ignored
 _LONGEST_SYMBOL = 4  # letters; a longer name of a time unit is a time column
@@ -356,9 +355,3 @@ def first_of(items: list[str]) -> str:
     """Return the first 20 items in one line, and how many more there are."""
     shown = items if len(items) <= 20 else [*items[:20], f"and {len(items) - 20} more"]
     return ", ".join(shown)
-
-
-def first_times(times: Sequence[str], count: int = 0) -> str:
-    """Return the first three times, and how many more there are in all (`count` if larger)."""
-    more = max(count, len(times)) - MOST_TIMES
-    return ", ".join(times[:MOST_TIMES]) + (f" and {more} more times" if more > 0 else "")

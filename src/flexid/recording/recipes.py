@@ -75,6 +75,10 @@ class Recipe(NamedTuple):
         """Header of the first column."""
         return next(iter(self.weights))
 
+    def refusal(self, reason: str) -> RecordingError:
+        """Return the error that refuses the channel."""
+        return RecordingError(self.file, self.place, reason)
+
 
 @dataclass(frozen=True)
 class ColumnMap:
@@ -91,11 +95,6 @@ class ColumnMap:
     def clamped(self) -> frozenset[str]:
         """Positions of clamped sides, for which no column is read."""
         return frozenset(n for n, one in self.recipes.items() if n != "time" and not one.weights)
-
-    @property
-    def described(self) -> str:
-        """Description of the map for messages."""
-        return self.file if self.file == ARGUMENT else f"the column map {self.file}"
 
     def recipe(self, table: Table, name: str) -> Recipe:
         """Return the recipe of a channel with the headers of a file as its columns."""
@@ -136,7 +135,11 @@ def _map_of(file: str, content: dict[str, Any]) -> ColumnMap:
     """Column map from its keys and values."""
     if not content:
         raise RecordingError(file, "", "the column map is empty: name the columns in it")
-    joint = _joint(file, content.pop("joint", None))
+    joint = content.pop("joint", None)
+    if joint not in (None, *JOINT_TYPES):
+        types = " or ".join(map(repr, JOINT_TYPES))
+        reason = f"{cut(repr(joint))} is not a joint type: write {types}"
+        raise RecordingError(file, "key 'joint'", reason)
     ratio, lead, seconds = (_number_of(file, content, k) for k in _NUMBERS)
     if lead is not None and joint == "revolute":
         raise RecordingError(file, "key 'lead'", "it is for a prismatic joint: leave out joint")
@@ -261,14 +264,6 @@ def _number_of(file: str, content: dict[str, Any], key: str) -> float | None:
     raise RecordingError(file, f"key {key!r}", f"{cut(repr(value))} is {remedy}")
 
 
-def _joint(file: str, value: Any) -> JointType | None:
-    """Type of the joint, or None if it is not stated."""
-    if value in (None, *JOINT_TYPES):
-        return value
-    reason = f"{cut(repr(value))} is not a joint type: write {' or '.join(map(repr, JOINT_TYPES))}"
-    raise RecordingError(file, "key 'joint'", reason)
-
-
 def _find_header(table: Table, column: str, recipe: Recipe) -> str:
     """Header that a map names: exactly, without its unit, or ignoring case and word breaks."""
     bare = {header: split_header(header)[0] for header in table.names}
@@ -284,11 +279,11 @@ def _find_header(table: Table, column: str, recipe: Recipe) -> str:
         if len(matches) == 1:
             return matches[0]
         if matches:
-            reason = f"{quoted(matches)} both match {column!r}: write the name as in the file"
-            raise RecordingError(recipe.file, recipe.place, reason)
+            found = f"{quoted(matches)} both match {column!r}"
+            raise recipe.refusal(f"{found}: write the name as in the file")
     hint = nearest_name(column, bare.values())
-    reason = f"{table.file} has no column {column!r}{hint}: name one of {table.listing}"
-    raise RecordingError(recipe.file, recipe.place, reason)
+    found = f"{table.file} has no column {column!r}{hint}"
+    raise recipe.refusal(f"{found}: name one of {table.listing}")
 
 
 def recipe_of_column(table: Table, header: str, unit: str | None) -> Recipe:
@@ -345,18 +340,17 @@ def _in_si(name: str, recipe: Recipe, unit: str | None) -> tuple[float, str, flo
     if unit is None:
         factor, si_unit = 1.0, units[0]
         if ratio is not None and recipe.joint == "prismatic":
-            reason = (
+            raise recipe.refusal(
                 f"it has no unit, and the lead applies only to a motor that turns: write the unit, "
                 f"{SI_UNITS[name][0]} or {si_unit}"
             )
-            raise RecordingError(recipe.file, recipe.place, reason)
     else:
         # On a linear axis, the units of the motor that turns its screw or pulley.
         turning = SI_UNITS[name] if ratio is not None else ()
         try:
             factor, si_unit = scale_to_si(unit, tuple(dict.fromkeys((*units, *turning))))
         except UnitError as error:
-            raise RecordingError(recipe.file, recipe.place, str(error)) from error
+            raise recipe.refusal(str(error)) from error
     slides = unit_of(si_unit, recipe.joint)
     is_geared = slides != si_unit or (recipe.joint == "revolute" and si_unit not in ("V", "A"))
     return factor, slides, ratio if is_geared else None
@@ -368,11 +362,9 @@ def _unit(recipe: Recipe) -> str | None:
         return recipe.unit
     units = {split_header(header)[1] for header in recipe.weights}
     if len(units) > 1:
-        raise RecordingError(
-            recipe.file,
-            recipe.place,
-            f"the columns {quoted(recipe.weights)} differ in unit: scale them to one and name it "
-            f"by 'unit'",
+        columns = quoted(recipe.weights)
+        raise recipe.refusal(
+            f"the columns {columns} differ in unit: scale them to one and name it by 'unit'"
         )
     return units.pop()
 
@@ -381,9 +373,7 @@ def _check_plain(recipe: Recipe, header: str) -> None:
     """Raise if a column map scales or shifts time stamps."""
     is_scaled = [*recipe.weights.values()] != [1.0] or recipe.scale != 1.0 or recipe.offset
     if recipe.is_mapped and (is_scaled or recipe.unit not in (None, "s")):
-        raise RecordingError(
-            recipe.file,
-            recipe.place,
+        raise recipe.refusal(
             f"the column {header!r} holds time stamps, which are read as they are: give its name "
-            f"alone",
+            f"alone"
         )

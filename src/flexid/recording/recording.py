@@ -15,7 +15,6 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.models.motion import JointType, unit_of
-from flexid.recording.names import MOST_TIMES, first_times
 
 
 class Rank(IntEnum):
@@ -178,12 +177,13 @@ class Draft:
 
     def at(self, places: Any) -> str:
         """Return times of samples for a message: the first three, and how many more there are."""
-        shown = [f"{time:.6g} s" for time in self.time[places[:MOST_TIMES]]]
-        return first_times(shown, len(places))
+        shown = [f"{time:.6g} s" for time in self.time[places[:_MOST_TIMES]]]
+        return _first_times(shown, len(places))
 
     def spans(self, ends: Iterable[tuple[int, int]]) -> str:
         """Return time spans between samples for a message: the first three, and how many more."""
-        return first_times([f"{self.time[a]:.6g} s to {self.time[b]:.6g} s" for a, b in ends])
+        spans = [f"{self.time[a]:.6g} s to {self.time[b]:.6g} s" for a, b in ends]
+        return _first_times(spans, len(spans))
 
     def warn(self, names: str | Sequence[str], what: str, rank: Rank = Rank.NOTE) -> None:
         """Add a warning about one channel, several, or the whole log (no name)."""
@@ -205,6 +205,15 @@ class Draft:
         """Keep only samples by a mask of shape (n,)."""
         for name in self.channels:
             self[name] = self[name][kept]
+
+
+_MOST_TIMES = 3  # in a message
+
+
+def _first_times(times: list[str], count: int) -> str:
+    """The first three times, and how many more there are of `count`."""
+    more = f" and {count - _MOST_TIMES} more times" if count > _MOST_TIMES else ""
+    return ", ".join(times[:_MOST_TIMES]) + more
 
 
 Hold: TypeAlias = Literal["zero", "linear", "cubic"]
