@@ -14,7 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from flexid.readers.formats import Contents, Frame, RefusedError, of_frame
+from flexid.readers.formats import Contents, RefusedError, of_frame
 
 _pipe: BinaryIO | None = None
 
@@ -45,10 +45,14 @@ def say(hold: Any, questions: Iterable[bytes]) -> None:
     """Send the contents of a file, and for each request its frames; send errors as messages."""
     try:
         contents = hold()
+        import polars as pl
+
         for line in questions:
             asked = json.loads(line)
-            for frame in contents.read(asked["paths"], asked["size"]):
-                _write_frame(frame)
+            for clock, columns in contents.read(asked["paths"], asked["size"]):
+                buffer = io.BytesIO()
+                pl.DataFrame(columns).write_ipc_stream(buffer)
+                _write({"clock": clock, "bytes": buffer.tell()}, buffer.getbuffer())
             _write({"end": True})
     except RefusedError as error:
         _write({"refused": [error.place, error.reason]})
@@ -74,17 +78,6 @@ def _send_contents(contents: Contents) -> Contents:
         }
     )
     return contents
-
-
-def _write_frame(frame: Frame) -> None:
-    import polars as pl
-
-    clock, columns = frame
-    if not isinstance(columns, pl.DataFrame):
-        columns = pl.DataFrame(columns)
-    buffer = io.BytesIO()
-    columns.write_ipc_stream(buffer)
-    _write({"clock": clock, "bytes": buffer.tell()}, buffer.getbuffer())
 
 
 def _write(document: dict[str, Any], data: Any = b"") -> None:

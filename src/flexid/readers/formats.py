@@ -105,9 +105,9 @@ def format_of(path: Path) -> Format | None:
     >>> format_of(Path("run.H5")).name, format_of(Path("run.csv"))
     ('HDF5', None)
     """
-    if os.path.isdir(path):
-        return _of_suffix(files_of(path)[0].suffix, in_folder=True)
-    return _of_suffix(path.suffix)
+    is_folder, suffix = os.path.isdir(path), files_of(path)[0].suffix.lower()
+    found = (one for one in FORMATS if suffix in one.suffixes and one.in_folder >= is_folder)
+    return next(found, None)
 
 
 def files_of(path: Path) -> list[Path]:
@@ -135,11 +135,4 @@ def kinds() -> str:
 
 def looks_like(raw: bytes) -> Format | None:
     """Return the format of a file by its first bytes, or None."""
-    return next((one for one in FORMATS if raw.startswith(one.magic or (b"\0" * 99,))), None)
-
-
-def _of_suffix(suffix: str, *, in_folder: bool = False) -> Format | None:
-    for one in FORMATS:
-        if suffix.lower() in one.suffixes and (one.in_folder or not in_folder):
-            return one
-    return None
+    return next((one for one in FORMATS if raw.startswith(one.magic)), None)

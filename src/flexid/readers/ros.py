@@ -8,6 +8,7 @@ import re
 from array import array
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -58,9 +59,7 @@ def read(path: Path) -> Contents:
     the times at which they were logged.
     """
     files = files_of(path)
-    topics: dict[str, _TopicContents] = {}
-    others: dict[str, str] = {}
-    _scan(files, topics, others)
+    topics, others = _scan(files)
     series, notes = [], {}
     for topic in topics.values():
         for name, signal in topic.signals.items():
@@ -70,11 +69,7 @@ def read(path: Path) -> Contents:
                     f"the messages of {signal.clock!r} carry no time stamps, so the times at which "
                     f"they were logged were taken: log a message with a header"
                 )
-
-    def frames(paths: Collection[str], size: int) -> Iterator[Frame]:
-        yield from _frames(files, topics, paths, size)
-
-    return Contents(series, frames, others, notes)
+    return Contents(series, partial(_frames, files, topics), others, notes)
 
 
 def decoder(topic: Topic) -> tuple[Callable[[bytes], Any] | None, str]:
@@ -166,8 +161,10 @@ def _of_bag(path: Path, topics: set[str] | None) -> Iterator[tuple[Topic, int, b
                 yield known[connection.id], time, bytes(raw)
 
 
-def _scan(files: list[Path], topics: dict[str, _TopicContents], others: dict[str, str]) -> None:
-    """Collect topics, their fields from their first messages, and fields that are no signals."""
+def _scan(files: list[Path]) -> tuple[dict[str, _TopicContents], dict[str, str]]:
+    """Return topics with the fields of their first messages, and what is no signal."""
+    topics: dict[str, _TopicContents] = {}
+    others: dict[str, str] = {}
     for topic, _, raw in _messages(files):
         known = topics.get(topic.name)
         if known is None:
@@ -189,6 +186,7 @@ def _scan(files: list[Path], topics: dict[str, _TopicContents], others: dict[str
                 unit = _JOINT_STATE[path.split(".")[1]] if joint else ""
                 clock = f"{topic.name} of {joint}" if joint else topic.name
                 known.signals.setdefault(name, _Signal(unit, clock, joint))
+    return topics, others
 
 
 def _frames(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flexid.errors import RecordingError
 from flexid.readers.formats import PARQUET, STAMPS, Series, format_of
@@ -85,12 +85,11 @@ class Signals:
 
     def tables(self, size: int | None) -> Iterator[Table]:
         """Yield the signals in tables of about `size` rows; without a size, in one table."""
-        lengths = {one.path: one.length for one in self.chosen.values()}
-        empty = [path for path, length in lengths.items() if not length]
-        if empty or not lengths:
+        empty = [one.path for one in self.chosen.values() if not one.length]
+        if empty or not self.chosen:
             reason = f"the signals {quoted(empty)} have no samples: {_EXPORT}"
             raise RecordingError(self.file, "", reason)
-        longest = max(lengths.values())
+        longest = max(one.length for one in self.chosen.values())
         held = longest if size is None or self.is_clocked else min(size, longest)
         check_cells(self.file, held, len(self.chosen))
         if size is None and longest > MOST_ROWS:
@@ -102,11 +101,10 @@ class Signals:
                 f"it has {longest} rows, more than the {MOST_ROWS} that are read at once: "
                 f"{remedy}cut the log into shorter files",
             )
-        short = {header: self.names.short[header] for header in self.chosen if self.names.short}
         row = 1
         for frame, found in (self._clocked if self.is_clocked else self._together)(size):
             warnings = (*self.warnings, *found)
-            yield replace(self.names, frame=frame, first_row=row, short=short, warnings=warnings)
+            yield replace(self.names, frame=frame, first_row=row, warnings=warnings)
             row += frame.height
 
     def _together(self, size: int | None) -> Iterator[Part]:
@@ -136,21 +134,20 @@ class Signals:
         for part in whole.iter_slices(size or MOST_ROWS):
             yield part, (*(f"{self.file}: {note}" for note in notes), *warnings)
 
-    def _of_one_clock(self, stamped: dict[str, tuple[Any, polars.DataFrame]]) -> Part:
+    def _of_one_clock(self, stamped: dict[str, polars.DataFrame]) -> Part:
         """Chosen signals at common times, and warnings."""
         import polars as pl
 
         if len(stamped) == 1:
-            ((times, frame),) = stamped.values()
-            columns = frame.select([*self.paths]).rename(self.paths)
-            return columns.insert_column(0, pl.Series(TIME, times)), ()
+            (frame,) = stamped.values()
+            return frame.select(pl.col(STAMPS).alias(TIME), *self.paths).rename(self.paths), ()
         inputs = {header for name in INPUTS for header in self.headers.get(name, ())}
         signals = []
         for header, one in self.chosen.items():
-            column = stamped[one.clock][1].select(pl.col(one.path).alias(header))
+            column = stamped[one.clock].select(pl.col(one.path).alias(header))
             values = Table(self.file, column).numbers(header)
             signals.append(Signal(header, one.clock, values, header in inputs))
-        clocks = {clock: times for clock, (times, _) in stamped.items()}
+        clocks = {clock: frame[STAMPS].to_numpy() for clock, frame in stamped.items()}
         times, found, warnings = on_one_clock(self.file, clocks, signals)
         return pl.DataFrame({TIME: times, **found}), warnings
 
@@ -160,22 +157,19 @@ def _is_clocked(reading: Reading) -> bool:
     return any(one.clock for one in reading.series)
 
 
-def _stamped(held: dict[str, list[polars.DataFrame]]) -> dict[str, tuple[Any, polars.DataFrame]]:
-    """Times in s and values by clock; whole nanoseconds are sorted and count from the first."""
+def _stamped(held: dict[str, list[polars.DataFrame]]) -> dict[str, polars.DataFrame]:
+    """Values by clock, with times in s; whole nanoseconds are sorted and count from the first."""
     import polars as pl
 
-    found: dict[str, tuple[Any, polars.DataFrame]] = {}
-    for clock, parts in held.items():
-        frame = pl.concat(parts)
-        is_whole = frame[STAMPS].dtype.is_integer()
-        frame = frame.sort(STAMPS, maintain_order=True) if is_whole else frame
-        found[clock] = frame[STAMPS].to_numpy(), frame
-    whole = {clock for clock, (stamps, _) in found.items() if stamps.dtype.kind == "i"}
-    origin = min((found[clock][0][0] for clock in whole), default=0)
-    return {
-        clock: (1e-9 * (stamps - origin) if clock in whole else stamps, frame)
-        for clock, (stamps, frame) in found.items()
+    found = {clock: pl.concat(parts) for clock, parts in held.items()}
+    whole = {
+        clock: frame.sort(STAMPS, maintain_order=True)
+        for clock, frame in found.items()
+        if frame[STAMPS].dtype.is_integer()
     }
+    origin = min((frame[STAMPS][0] for frame in whole.values()), default=0)
+    seconds = (pl.col(STAMPS) - origin) * 1e-9
+    return found | {clock: frame.with_columns(seconds) for clock, frame in whole.items()}
 
 
 def _header_of(series: Series) -> str:
