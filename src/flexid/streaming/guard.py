@@ -103,7 +103,8 @@ class Guard:
     def counts(self, state: FloatArray) -> Counts:
         """Return the counts so far."""
         found = Counts(*map(int, state[: self._kernel.N_COUNTS]))
-        return replace(found, wraps=found.wraps + int(self._kernel.gear_wraps(state)))
+        behind_gear = state[self._kernel.GEAR_AT + self._kernel.WRAPPED]
+        return replace(found, wraps=found.wraps + int(behind_gear))
 
     def is_stuck(self, state: FloatArray) -> bool:
         """Return whether an encoder is stuck at the latest sample."""

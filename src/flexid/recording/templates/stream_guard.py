@@ -331,8 +331,3 @@ def guard(state, samples, settings, n_encoders, rows, fates):
             rows[filled, i] = x[i] if i < n_encoders else sample[1 + i]
         filled += 1
     return new, samples.shape[0], filled, 0.0
-
-
-def gear_wraps(state):
-    """Return how often the motor's encoder in front of a gear has wrapped."""
-    return state[GEAR_AT + WRAPPED]
