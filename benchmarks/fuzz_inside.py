@@ -37,9 +37,7 @@ class Inside:
 
     def _run(self, module: str, path: str) -> None:
         with suppress(OSError, ValueError):  # the reader has closed the pipe
-            child.say(
-                lambda: child._send_contents(child.contents_of(module, Path(path))), self._questions
-            )
+            child.say(module, Path(path), self._questions)
         with suppress(OSError):
             self._answers.close()
 

@@ -32,19 +32,24 @@ def main() -> None:
         resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 1))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     warnings.simplefilter("ignore")
-    say(lambda: _send_contents(contents_of(module, Path(path))), sys.stdin.buffer)
+    say(module, Path(path), sys.stdin.buffer)
 
 
-def contents_of(module: str, path: Path) -> Contents:
-    """Return the contents of a file, by the reader of a module."""
-    found = import_module(module).read(path)
-    return found if isinstance(found, Contents) else of_frame(found)
-
-
-def say(hold: Any, questions: Iterable[bytes]) -> None:
+def say(module: str, path: Path, questions: Iterable[bytes]) -> None:
     """Send the contents of a file, and for each request its frames; send errors as messages."""
     try:
-        contents = hold()
+        found = import_module(module).read(path)
+        contents = found if isinstance(found, Contents) else of_frame(found)
+        for one in contents.series:
+            one.path.encode()  # raises for a name that is not valid text
+        _write(
+            {
+                "series": contents.series,
+                "others": dict(contents.others),
+                "is_table": contents.is_table,
+                "notes": dict(contents.notes),
+            }
+        )
         import polars as pl
 
         for line in questions:
@@ -63,21 +68,6 @@ def say(hold: Any, questions: Iterable[bytes]) -> None:
     except Exception as error:
         # On damaged files, libraries raise any error of their parsers.
         _write({"unreadable": f"{type(error).__name__}: {error}"[:1000]})
-
-
-def _send_contents(contents: Contents) -> Contents:
-    """Send and return the contents of a file."""
-    for one in contents.series:
-        one.path.encode()  # raises for a name that is not valid text
-    _write(
-        {
-            "series": contents.series,
-            "others": dict(contents.others),
-            "is_table": contents.is_table,
-            "notes": dict(contents.notes),
-        }
-    )
-    return contents
 
 
 def _write(document: dict[str, Any], data: Any = b"") -> None:

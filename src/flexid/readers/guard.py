@@ -15,7 +15,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Collection, Iterator
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -43,7 +43,7 @@ class Limits(NamedTuple):
 LIMITS = Limits()
 
 
-class Reading:
+class Reading(AbstractContextManager["Reading"]):
     """A file of one of `FORMATS`, or a folder of such files, that a child process has opened."""
 
     def __init__(self, path: Path) -> None:
@@ -103,9 +103,6 @@ class Reading:
         """End the child process."""
         self._process.kill()
         self._process.communicate()
-
-    def __enter__(self) -> Reading:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
