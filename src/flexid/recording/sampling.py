@@ -248,9 +248,8 @@ def _rounded_step(log: Draft) -> float | None:
     if off <= 2.0 * EVEN * sample_time:
         return None
     digit = _last_digit(time)
-    if digit > _MOST_PER_DIGIT * sample_time:
-        return None
-    if not (0.5 * digit < np.ptp(np.diff(time)) and off <= ROUNDED * digit):
+    is_rounded = 0.5 * digit < np.ptp(np.diff(time)) and off <= ROUNDED * digit
+    if not is_rounded or digit > _MOST_PER_DIGIT * sample_time:
         return None
     warn_rounded(log, "time", digit, sample_time)
     return sample_time

@@ -107,23 +107,11 @@ def _wrong_unit(recording: Recording) -> str:
 
 def late_input(recording: Recording) -> Iterator[str]:
     """Yield a warning if an input acts earlier or later than logged by more than a fit searches."""
-    late = input_lateness(recording)
-    if late:
-        yield Caution(
-            f"{recording.source}: the input explains the motion best if it acts {abs(late):.3g} s "
-            f"{'later' if late > 0.0 else 'earlier'} than logged, which is more than "
-            f"the fit searches: put all channels on one clock, or give --input-delay={late:.3g}",
-            Rank.SCALE,
-        )
-
-
-def input_lateness(recording: Recording) -> float:
-    """Return the delay of an input in s if it is larger than a fit searches; else 0."""
     smoothed = smoothing(recording)
     motor, link, acts = recording.motor_position, recording.link_position, recording.input
     reach = round(_LATEST / recording.sample_time)
     if smoothed is None or link is None or acts is None or len(motor) < _FEWEST_REACHES * reach:
-        return 0.0
+        return
     inside = slice(reach, len(motor) - reach)
     moved, bent = motor[inside], (link - motor)[inside]
     balance = [smoothed(moved, 2), smoothed(moved, 1), smoothed.sign(moved), smoothed(bent)]
@@ -145,16 +133,22 @@ def input_lateness(recording: Recording) -> float:
     step = max(1, round(_LATE_STEP / recording.sample_time))
     best = min(range(-step * (reach // step), reach + 1, step), key=share)
     best = min(range(max(best - step, -reach), min(best + step, reach)), key=share)
+    late = best * recording.sample_time
     # A minimum at the end of the range may continue beyond it, as for a periodic motion.
-    if not _LATEST_OF_FIT < abs(best) * recording.sample_time < _LATEST - 2.0 * _LATE_STEP:
-        return 0.0
+    if not _LATEST_OF_FIT < abs(late) < _LATEST - 2.0 * _LATE_STEP:
+        return
     most = int(_LATEST_OF_FIT / recording.sample_time)
     found = range(-most, most + 1)
     # For a step or a square wave the residual may be rounding at any delay.
     if min(left(delay)[0] for delay in found) <= _ON_TIME * left(best)[1]:
-        return 0.0
-    is_clear = share(best) < _FITS_LATER * min(map(share, found))
-    return best * recording.sample_time if is_clear else 0.0
+        return
+    if share(best) < _FITS_LATER * min(map(share, found)):
+        yield Caution(
+            f"{recording.source}: the input explains the motion best if it acts {abs(late):.3g} s "
+            f"{'later' if late > 0.0 else 'earlier'} than logged, which is more than "
+            f"the fit searches: put all channels on one clock, or give --input-delay={late:.3g}",
+            Rank.SCALE,
+        )
 
 
 def scales_apart(recording: Recording) -> tuple[float, float]:

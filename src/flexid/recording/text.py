@@ -178,7 +178,7 @@ _CONTROLS = bytes((*range(9), *range(14, 32)))
 
 
 def as_utf_8(file: str, raw: bytes) -> bytes:
-    """Return a text as UTF-8 without byte-order mark, with line feeds and ASCII minus signs."""
+    """Return text as UTF-8 with line feeds, ASCII minus signs and no BOM; raise if it is binary."""
     refuse, encoding = partial(RecordingError, file, ""), _utf_16(raw)
     if encoding:
         try:
