@@ -3,6 +3,7 @@
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib.resources import files
 from typing import Any, Literal, TypeVar
 
@@ -22,6 +23,7 @@ from flexid.studies.runs import (
     EARLIER_ATTENUATION,
     MEANINGS,
     PHYSICAL,
+    SIMULATED,
     TRUE,
     UNKNOWN,
     AttenuationPoint,
@@ -32,7 +34,6 @@ from flexid.studies.runs import (
     attenuation_point,
     peak_torque,
     reading_name,
-    simulated_runs,
     steady_condition,
     study_reading,
     table1_loop,
@@ -86,24 +87,41 @@ Values = Mapping[str, float | tuple[float, str]]
 """Values of a quantity by subject, with a word to insert into its name where it has one."""
 
 
-def decide_claims(
-    readings: Mapping[str, Reading],
-    runs: Mapping[str, SteadyRun],
-    attenuation: Mapping[str, list[AttenuationPoint]],
-    peak_torques: Mapping[float, float],
-    cases: tuple[TheoremCase, ...],
-    other_controller_error: float,
-) -> tuple[Claim, ...]:
-    """Return all claims with their findings."""
-    values = {
-        **_of_the_design(runs["1,1,3"]),
-        **_of_the_theorem(runs, cases),
-        **_of_the_controller(readings, attenuation, peak_torques),
-        **_of_the_results(runs, attenuation),
-        "any controller": [{"PD": other_controller_error}],
-    }
-    text = (files("flexid.studies") / "claims.toml").read_text(encoding="utf-8")
-    return tuple(_claim(key, table, values[key]) for key, table in tomllib.loads(text).items())
+@dataclass(frozen=True, eq=False)
+class Reproduction:
+    """Results of the reproduction of Huang (2003)."""
+
+    readings: dict[str, Reading]  # of the feedback gains, by name
+    # tracking and parameter errors over k, by reading
+    attenuation: dict[str, list[AttenuationPoint]]
+    peak_torques: dict[float, float]  # largest torque in N m by k
+    cases: tuple[TheoremCase, ...]  # Theorem 1 in three cases
+    error_under_pd: float  # worst relative error at 30 s with another controller
+
+    @property
+    def runs(self) -> dict[str, SteadyRun]:
+        """Runs over 30 s by the name of their reading, (1,2,3) first."""
+        chosen = (self.readings[reading_name(exponents)] for exponents in SIMULATED)
+        return {reading.name: reading.simulated for reading in chosen if reading.simulated}
+
+    @cached_property
+    def claims(self) -> tuple[Claim, ...]:
+        """The paper's claims with verdicts."""
+        estimates = {**TRUE, **self.runs["1,1,3"].estimates}
+        values: dict[str, list[Values]] = {
+            "no acceleration": [{"any": _accelerations_needed()}],
+            "error dynamics": [{"any": _different_rates()}],
+            "physical parameters": [
+                {"any": _physical_error(TRUE)},
+                {"1,1,3": _physical_error(estimates)},
+            ],
+            **_of_the_theorem(self.runs, self.cases),
+            **_of_the_controller(self),
+            **_of_the_results(self),
+            "any controller": [{"PD": self.error_under_pd}],
+        }
+        text = (files("flexid.studies") / "claims.toml").read_text(encoding="utf-8")
+        return tuple(_claim(key, table, values[key]) for key, table in tomllib.loads(text).items())
 
 
 def _claim(key: str, table: Mapping[str, Any], values: Sequence[Values]) -> Claim:
@@ -119,19 +137,6 @@ def _claim(key: str, table: Mapping[str, Any], values: Sequence[Values]) -> Clai
             quantity = measured["quantity"].format(word)
             findings.append(Finding(subject, quantity, value, relation, limit, unit))
     return Claim(key, table["source"], table["statement"], tuple(findings))
-
-
-def _of_the_design(best: SteadyRun) -> dict[str, list[Values]]:
-    """Return values for the claims on accelerations, eq. (7) and physical parameters."""
-    estimates = {**TRUE, **best.estimates}
-    return {
-        "no acceleration": [{"any": _accelerations_needed()}],
-        "error dynamics": [{"any": _different_rates()}],
-        "physical parameters": [
-            {"any": _physical_error(TRUE)},
-            {"1,1,3": _physical_error(estimates)},
-        ],
-    }
 
 
 def _accelerations_needed() -> int:
@@ -198,31 +203,26 @@ def _late_rate(case: TheoremCase) -> float:
     return max(limit.largest_rate for limit in case.limits) / initial
 
 
-def _of_the_controller(
-    readings: Mapping[str, Reading],
-    attenuation: Mapping[str, list[AttenuationPoint]],
-    peak_torques: Mapping[float, float],
-) -> dict[str, list[Values]]:
+def _of_the_controller(study: Reproduction) -> dict[str, list[Values]]:
     """Return values for the claims on the control law; errors are from 20 to 30 s."""
-    points = attenuation["1,2,3"]
+    points, peaks = study.attenuation["1,2,3"], study.peak_torques
     errors = {point.k: point.max_tracking_error for point in points}
     slope = np.polyfit(np.log([*errors]), np.log([*errors.values()]), 1)[0]
     small, large = ATTENUATION, EARLIER_ATTENUATION
     return {
-        "bounded signals": [{name: r.rightmost.real for name, r in readings.items()}],
+        "bounded signals": [{name: r.rightmost.real for name, r in study.readings.items()}],
         "arbitrarily small tracking errors": [
             {"1,2,3": float(slope)},
-            {"1,1,3": attenuation["1,1,3"][-1].largest_real_part},
+            {"1,1,3": study.attenuation["1,1,3"][-1].largest_real_part},
         ],
         "price of a small k": [{"1,2,3": errors[small] / errors[large]}],
-        "less torque": [{"1,2,3": peak_torques[small] / peak_torques[large]}],
+        "less torque": [{"1,2,3": peaks[small] / peaks[large]}],
     }
 
 
-def _of_the_results(
-    runs: Mapping[str, SteadyRun], attenuation: Mapping[str, list[AttenuationPoint]]
-) -> dict[str, list[Values]]:
+def _of_the_results(study: Reproduction) -> dict[str, list[Values]]:
     """Return values for the claims on the estimates at 30 s, and how they depend on k."""
+    runs, attenuation = study.runs, study.attenuation
     errors = {name: run.relative_errors for name, run in runs.items()}
     worst = {name: max(each, key=each.__getitem__) for name, each in errors.items()}
     spreads = {
@@ -242,22 +242,6 @@ _T = TypeVar("_T")
 _SWEEPS: dict[Exponents, float] = {(1, 2, 3): EARLIER_ATTENUATION, (1, 1, 3): 100.0}
 
 
-@dataclass(frozen=True, eq=False)
-class Reproduction:
-    """Results of the reproduction of Huang (2003)."""
-
-    readings: dict[str, Reading]  # of the feedback gains, by name
-    # tracking and parameter errors over k, by reading
-    attenuation: dict[str, list[AttenuationPoint]]
-    cases: tuple[TheoremCase, ...]  # Theorem 1 in three cases
-    claims: tuple[Claim, ...]  # the paper's claims with verdicts
-
-    @property
-    def runs(self) -> dict[str, SteadyRun]:
-        """Runs over 30 s by the name of their reading."""
-        return simulated_runs(self.readings)
-
-
 def reproduce(finished: Callable[[str], None]) -> Reproduction:
     """Run the whole study; `finished` is called with the name of each part."""
 
@@ -268,7 +252,6 @@ def reproduce(finished: Callable[[str], None]) -> Reproduction:
     readings = {
         reading_name(e): done(f"reading ({reading_name(e)})", study_reading(e)) for e in MEANINGS
     }
-    runs = simulated_runs(readings)
     attenuation = {
         reading_name(e): done(
             f"attenuation factor ({reading_name(e)})",
@@ -278,13 +261,10 @@ def reproduce(finished: Callable[[str], None]) -> Reproduction:
     }
     peaks = {k: peak_torque((1, 2, 3), k) for k in (ATTENUATION, EARLIER_ATTENUATION)}
     cases = tuple(done("case of Theorem 1", theorem_case(*case)) for case in CASES)
-    other = done("another controller", error_under_pd())
-    claims = done("claims", decide_claims(readings, runs, attenuation, peaks, cases, other))
-    return Reproduction(readings, attenuation, cases, claims)
-
-
-def error_under_pd() -> float:
-    """Return the worst relative error of the estimates at 30 s under a PD law."""
     loop = replace(table1_loop((1, 2, 3)), controller=pd_gravity())
-    run = simulate(loop, DURATION, 0.01, 1e-8)
-    return max(abs(error) / TRUE[name] for name, error in run.final_errors().items())
+    errors = simulate(loop, DURATION, 0.01, 1e-8).final_errors()
+    worst = max(abs(error) / TRUE[name] for name, error in errors.items())
+    finished("another controller")
+    study = Reproduction(readings, attenuation, peaks, cases, worst)
+    done("claims", study.claims)
+    return study

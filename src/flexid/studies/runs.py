@@ -144,12 +144,6 @@ def reading_name(exponents: Exponents) -> str:
     return ",".join(map(str, exponents))
 
 
-def simulated_runs(readings: Mapping[str, Reading]) -> dict[str, SteadyRun]:
-    """Return the runs over 30 s by the name of their reading, (1,2,3) first."""
-    chosen = (readings[reading_name(exponents)] for exponents in SIMULATED)
-    return {reading.name: reading.simulated for reading in chosen if reading.simulated}
-
-
 def study_reading(exponents: Exponents) -> Reading:
     """Compute the poles of a reading, and simulate it over 30 s if it is one of `SIMULATED`."""
     early = simulate(table1_loop(exponents), _EARLY, _SAMPLE_TIME, TOLERANCE)
