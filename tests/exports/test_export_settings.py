@@ -9,7 +9,7 @@ import pytest
 
 import flexid
 from flexid.errors import SettingError
-from flexid.exports.request import request_of_identification
+from flexid.exports.request import doubts_of, request_of_identification
 
 
 @pytest.fixture(scope="module")
@@ -35,8 +35,8 @@ def test_what_is_exported_of_an_estimate(result):
     assert tuple(units) == ("N m", "1/s^2", "rad/s^2/(N m)")
     current = doubted(result, "beta1", unit="rad/s^2/A")
     assert request_of_identification(current).units["u"] == "A"
-    assert whole.doubts == ()
-    (doubt,) = request_of_identification(doubted(result, verdict="undetermined")).doubts
+    assert doubts_of(result.coefficients) == ()
+    (doubt,) = doubts_of(doubted(result, verdict="undetermined").coefficients)
     assert doubt == "the estimate leaves alpha2 undetermined"
 
 

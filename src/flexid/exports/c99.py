@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.derivation.drive_source import MACROS, comment, drive_functions
+from flexid.derivation.drive_source import MACROS, drive_functions
 from flexid.errors import SettingError, SimulationError
 from flexid.estimators.online import History, Status
+from flexid.estimators.recursive_least_squares import recursive_least_squares
 from flexid.estimators.samples import Samples
-from flexid.exports.request import ExportRequest, rendered
+from flexid.exports.request import EstimatorSettings, ExportRequest, rendered
 from flexid.models.parametric_system import Row
 
 _LARGEST_SAMPLE = 1e9  # of a number in a sample, in its unit; beyond it is a sensor fault
@@ -24,9 +25,8 @@ _RECENT = 10.0  # time constants of the filter that "recent" samples span
 class DriveSource:
     """Header and source of an online estimator in C99."""
 
-    def __init__(self, request: ExportRequest) -> None:
-        assert request.settings is not None  # flexid.export checks this
-        self.system, self.settings = request.system, request.settings
+    def __init__(self, request: ExportRequest, settings: EstimatorSettings) -> None:
+        self.system, self.settings = request.system, settings
         for row in self.system.rows:
             if len(row.coefficients) > _MOST_COEFFICIENTS:
                 raise SettingError(
@@ -34,7 +34,8 @@ class DriveSource:
                     f"has {len(row.coefficients)} coefficients, more than the {_MOST_COEFFICIENTS} "
                     f"of a row that an estimator in C takes: leave some out",
                 )
-        self.twin = self.settings.twin(self.system)
+        self.twin = recursive_least_squares(self.system, **vars(settings))
+        self.values = request.values  # start values; 0 for coefficients left out
         self.functions = drive_functions(self.system)
         self._units = request.units
         # For the templates: C identifiers of states, inputs, coefficients; signals in a sample.
@@ -43,25 +44,20 @@ class DriveSource:
         # Numbers of coefficients, index of the first one of each row, and start values.
         self.counts = [len(row.coefficients) for row in self.system.rows]
         self.row_starts = [0, *(part.stop for _, part in self.system.row_slices())]
-        begun = self.twin.coefficients(self.twin.init(self.settings.start)).tolist()
+        begun = self.twin.coefficients(self.twin.init(self.values)).tolist()
         self.start = dict(zip(self.system.coefficients, begun, strict=True))
         # Sample whose input is held until the next one; macros for functions of math.h.
         self.held_input = "state->latest" if self.settings.hold == "zero" else "latest"
         used = self.functions.calls | {"FABS", "SQRT"}
         self.calls = [name for name in MACROS if name in used]
+        # Weight of the latest sample in the means over recent samples.
+        self.recent_weight = 1.0 - exp(
+            -self.settings.sample_time * self.settings.filter_rate / _RECENT
+        )
 
-    @property
-    def recent_weight(self) -> float:
-        """Weight of the latest sample in the means over recent samples."""
-        return 1.0 - exp(-self.settings.sample_time * self.settings.filter_rate / _RECENT)
-
-    def unit(self, coefficient: str) -> str:
-        """Return the unit of a coefficient, for a comment."""
-        return self._units.get(coefficient) or "in the model's unit"
-
-    def sample_unit(self, name: str) -> str:
-        """Return the unit of a signal in a sample, for a comment."""
-        return comment(self._units.get(name) or "in the model's unit")
+    def unit(self, name: str) -> str:
+        """Return the unit of a coefficient or of a signal, for a comment."""
+        return self._units.get(name) or "in the model's unit"
 
     def equation(self, row: Row) -> str:
         """Return the right-hand side of a row, as in eq. (1)."""
@@ -91,10 +87,14 @@ class DriveSource:
         )
 
 
-def write(request: ExportRequest, directory: Path) -> tuple[str, ...]:
+def write(
+    request: ExportRequest,
+    directory: Path,
+    settings: EstimatorSettings,
+    samples: Samples | None,  # log for the test vector
+) -> tuple[str, ...]:
     """Write the files of an estimator."""
-    drive = DriveSource(request)
-    samples = request.samples
+    drive = DriveSource(request, settings)
     vector = made_samples(drive) if samples is None else log_samples(drive, samples)
     texts = {
         "flexid_drive.h": drive.header(),
@@ -150,7 +150,7 @@ def _motion(drive: DriveSource, inputs: FloatArray) -> tuple[FloatArray, FloatAr
     from flexid.simulation.free_run import free_run
 
     system, settings = drive.system, drive.settings
-    values = {name: settings.start.get(name, 1.0) for name in system.coefficients}
+    values = {name: drive.values.get(name, 1.0) for name in system.coefficients}
     rest = np.zeros(len(system.states))
     h = settings.sample_time
     step = np.ones_like(inputs[:2])
@@ -177,46 +177,36 @@ def log_samples(drive: DriveSource, samples: Samples) -> FloatArray:
     return drive.twin.pack(samples)
 
 
-class _Checks:
-    """Estimates to compare between C and Python, at samples where they are determined."""
-
-    def __init__(self, drive: DriveSource, samples: FloatArray) -> None:
-        self._drive, self._samples = drive, samples
-        history = self._replay(samples)
-        first, last = _first_check(drive, history), len(samples) - 1
-        self.places = np.unique(np.linspace(first, last, _CHECKS).astype(int))
-        self.estimates = history.coefficients[self.places]
-        scale = np.abs(self.estimates).max(axis=0)
-        self.scale = np.where(scale > 0.0, scale, 1.0)
-
-    def _replay(self, samples: FloatArray) -> History:
-        twin = self._drive.twin
-        return twin.replay(twin.init(self._drive.settings.start), samples)
-
-    def rounded(self, number: type[np.floating]) -> FloatArray:
-        """Return the largest relative changes of the estimates if the samples are rounded."""
-        last_digit = np.finfo(number).eps * np.abs(self._samples).max(axis=0)
-        signs = np.random.default_rng(_SEED).choice([-1.0, 1.0], self._samples.shape)
-        found = self._replay(self._samples + signs * last_digit).coefficients[self.places]
-        return np.asarray((np.abs(found - self.estimates) / self.scale).max(axis=0))
-
-    def allowed(self, number: type[np.floating], least: float) -> list[float]:
-        """Return the allowed relative difference of each estimate due to rounding."""
-        return np.maximum(least, _MARGIN * self.rounded(number)).tolist()
-
-
 def vector_text(drive: DriveSource, samples: FloatArray) -> str:
-    """Return the text of ``test_vector.h``."""
-    checked = _Checks(drive, samples)
+    """Return the text of ``test_vector.h``: estimates at samples where they are determined."""
+
+    def replay(samples: FloatArray) -> History:
+        return drive.twin.replay(drive.twin.init(drive.values), samples)
+
+    history = replay(samples)
+    first, last = _first_check(drive, history), len(samples) - 1
+    places = np.unique(np.linspace(first, last, _CHECKS).astype(int))
+    estimates = history.coefficients[places]
+    scale = np.abs(estimates).max(axis=0)
+    scale[scale == 0.0] = 1.0
+
+    def allowed(number: type[np.floating], least: float) -> list[float]:
+        """Return the largest allowed relative differences, from samples that are rounded."""
+        last_digit = np.finfo(number).eps * np.abs(samples).max(axis=0)
+        signs = np.random.default_rng(_SEED).choice([-1.0, 1.0], samples.shape)
+        found = replay(samples + signs * last_digit).coefficients[places]
+        changes = (np.abs(found - estimates) / scale).max(axis=0)
+        return np.maximum(least, _MARGIN * changes).tolist()
+
     return drive.text(
         "test_vector.h",
         samples=samples.tolist(),
-        checks=[*zip(checked.places.tolist(), checked.estimates.tolist(), strict=True)],
-        scale=checked.scale.tolist(),
+        checks=[*zip(places.tolist(), estimates.tolist(), strict=True)],
+        scale=scale.tolist(),
         least={"double": _ALLOWED_DOUBLE, "float": _ALLOWED_FLOAT},
         allowed={
-            "double": checked.allowed(np.float64, _ALLOWED_DOUBLE),
-            "float": checked.allowed(np.float32, _ALLOWED_FLOAT),
+            "double": allowed(np.float64, _ALLOWED_DOUBLE),
+            "float": allowed(np.float32, _ALLOWED_FLOAT),
         },
     )
 
@@ -227,7 +217,5 @@ def _first_check(drive: DriveSource, history: History) -> int:
     n = len(history.status)
     open_ = np.flatnonzero(history.status != Status.USED)
     determined = int(open_[-1]) + 1 if len(open_) else 0
-    settled = (
-        2 * drive.twin.law.memory
-    )  # samples, after which the filter's initial state has decayed
+    settled = 2 * drive.twin.law.memory  # in samples: the filter's initial state has decayed
     return min(max(settled, determined if determined < n else 3 * n // 4), n - 1)

@@ -20,10 +20,9 @@ import numpy as np
 import flexid
 from flexid.derivation.drive_source import plant_functions
 from flexid.errors import SettingError
-from flexid.exports.request import ExportRequest, rendered
+from flexid.exports.request import ExportRequest, doubts_of, rendered
 from flexid.kernels.templates.run_status import BOUND
 from flexid.models.flexible_joint import SMOOTHING, without_jumps
-from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.names import cut
 from flexid.simulation.free_run import STEPS_PER_TIME_CONSTANT, fastest_pole
 
@@ -94,23 +93,18 @@ def plant_of(request: ExportRequest) -> Plant:
         *(Variable(n, "parameter", values[n], units[n], text) for n, text in regressors.items()),
         *(Variable(n, "parameter", v, units[n]) for n, v in system.constants.items()),
     )
+    rest, still = np.zeros(len(system.states)), np.zeros(len(system.inputs))
+    constants = np.array(list(system.constants.values()), dtype=np.float64)
+    fastest = fastest_pole(system, rest, still, np.array(list(values.values())), constants)
     text = rendered(
         "fmu/plant.c",
         system=system,
-        steps_per_second=STEPS_PER_TIME_CONSTANT * _fastest(system, values),
+        steps_per_second=STEPS_PER_TIME_CONSTANT * fastest,
         bound=BOUND,
         variables=variables,
         functions=plant_functions(system),
     )
     return Plant(f"{system.name}: the plant, from its inputs to its states", variables, text)
-
-
-def _fastest(system: ParametricSystem, values: dict[str, float]) -> float:
-    """Return the fastest pole of the model at rest, in 1/s."""
-    p = np.array([values[name] for name in system.coefficients])
-    c = np.array(list(system.constants.values()), dtype=np.float64)
-    rest, still = np.zeros(len(system.states)), np.zeros(len(system.inputs))
-    return fastest_pole(system, rest, still, p, c)
 
 
 VERSIONS = ("2.0", "3.0")
@@ -139,7 +133,7 @@ def _warnings(request: ExportRequest, plant: Plant) -> list[str]:
             f"drive sticks"
         )
     if request.identification is not None:
-        found += request.doubts
+        found += doubts_of(request.identification.coefficients)
         alignment = request.identification.choices.alignment
         late = {"input": alignment.input_delay.value, "link's encoder": alignment.link_delay.value}
         found += [
@@ -161,7 +155,17 @@ def packed(plant: Plant, version: str) -> bytes:
     texts = {name: rendered(f"fmu/{name}") for name in (compiled[0], "fmi.h")}
     texts |= {"plant.c": plant.source, "plant.h": rendered("fmu/plant.h", plant=plant)}
     files = {f"sources/{name}": text.encode() for name, text in texts.items()}
-    files["modelDescription.xml"] = _description(plant, version, compiled)
+    variables = (_TIME, *plant.variables)
+    files["modelDescription.xml"] = rendered(
+        "fmu/modelDescription.xml",
+        plant=plant,
+        version=version,
+        flexid_version=flexid.__version__,
+        sources=compiled,
+        units=dict.fromkeys(v.unit for v in (*plant.variables, _TIME) if v.unit),
+        variables=variables,
+        outputs=[place for place, v in enumerate(variables) if v.causality == "output"],
+    ).encode()
     if version == "3.0":
         files["sources/buildDescription.xml"] = rendered(
             "fmu/buildDescription.xml", sources=compiled
@@ -172,21 +176,6 @@ def packed(plant: Plant, version: str) -> bytes:
             for name in sorted(files):
                 archive.writestr(zipfile.ZipInfo(name, _YEAR), files[name], zipfile.ZIP_DEFLATED)
         return file.getvalue()
-
-
-def _description(plant: Plant, version: str, compiled: Sequence[str]) -> bytes:
-    """Return the contents of ``modelDescription.xml``."""
-    variables = (_TIME, *plant.variables)
-    return rendered(
-        "fmu/modelDescription.xml",
-        plant=plant,
-        version=version,
-        flexid_version=flexid.__version__,
-        sources=compiled,
-        units=dict.fromkeys(v.unit for v in (*plant.variables, _TIME) if v.unit),
-        variables=variables,
-        outputs=[place for place, v in enumerate(variables) if v.causality == "output"],
-    ).encode()
 
 
 def _library(version: str, texts: dict[str, str], compiled: Sequence[str]) -> dict[str, bytes]:

@@ -217,7 +217,12 @@ def mjcf_scene(
         )
     values = dict(coefficients)  # those that the scene models are removed
     torque = input_unit in FORCES
-    notes = [] if torque else [_scaled(input_unit, joint)]
+    notes: list[str] = []
+    if not torque:
+        notes.append(
+            f"the input is in {input_unit}, so all torques are relative: the motor's inertia is "
+            f"set to 1 {unit_of('kg m^2', joint)}"
+        )
     gain = values.pop("beta1")
     inertia = 1.0 / gain if torque else 1.0
     by_motor, by_link = values.pop("alpha1", 0.0), values.pop("theta2", 0.0)
@@ -282,13 +287,6 @@ def _pendulum(name: str, side: Side) -> Body:
         lever * along,
         lever * across,
         shape=Shape("capsule", (0.0, 0.0, 0.0, 0.3 * along, 0.0, 0.3 * across), 0.02),
-    )
-
-
-def _scaled(unit: str, joint: JointType) -> str:
-    return (
-        f"the input is in {unit}, so all torques are relative: the motor's inertia is set to "
-        f"1 {unit_of('kg m^2', joint)}"
     )
 
 

@@ -8,24 +8,12 @@ import numpy as np
 
 from flexid.arms.disturbed import resonances
 from flexid.arms.result import ArmIdentification
-from flexid.exports.mjcf import (
-    NOTHING,
-    Axis,
-    Body,
-    Joint,
-    Scene,
-    Side,
-    Spring,
-    possible,
-    rotor,
-    scene,
-    timestep,
-)
+from flexid.exports import mjcf
 from flexid.exports.request import check_known, doubts_of, impossible
 from flexid.models.motion import FORCES
 from flexid.models.planar_arm import PlanarArm, carried_links, planar_arm
 
-_AXIS = Axis("hinge", "0 -1 0")  # rotation from x towards z
+_AXIS = mjcf.Axis("hinge", "0 -1 0")  # rotation from x towards z
 _SLACKS = (2.0, 1.2, 1.02)  # mass over the smallest mass for a moment and an inertia
 _HEADING = (
     "An arm that flexid identified. SI units; positions at the link's side of the gear.",
@@ -42,7 +30,7 @@ def write(result: ArmIdentification, directory: Path) -> tuple[str, ...]:
     return (*doubts_of(result.parameters), *made.notes)
 
 
-def arm_scene(result: ArmIdentification) -> Scene:
+def arm_scene(result: ArmIdentification) -> mjcf.Scene:
     """Return the MuJoCo scene of an arm."""
     arm, notes = result.arm, []
     values = {**result.fit.by_name, **result.fixed}
@@ -64,23 +52,23 @@ def arm_scene(result: ArmIdentification) -> Scene:
     springs = {joint: _spring(values, joint, notes) for joint in joints}
     links = _links(arm, values, rotors, sides)
     dry = any(side.coulomb > 0.0 for side in (*motors.values(), *sides.values()))
-    world: list[Body] = []
+    world: list[mjcf.Body] = []
     before = world
     for joint in joints:
         turning, link = rotors[joint], links[joint - 1]
         home, place = (before, link.reach) if turning else (world, 0.0)
-        own = max(turning, NOTHING * motors[joint].inertia)
-        home.append(rotor(f"motor_{joint}", link.axis, motors[joint], own, reach=place))
+        own = max(turning, mjcf.NOTHING * motors[joint].inertia)
+        home.append(mjcf.rotor(f"motor_{joint}", link.axis, motors[joint], own, reach=place))
         before.append(link)
         before = link.carried
     along, across = arm.gravity
-    return scene(
+    return mjcf.scene(
         f"planar arm of {arm.joints}",
         _HEADING,
         notes,
         world,
         [
-            Joint(
+            mjcf.Joint(
                 f"_{joint}",
                 springs[joint],
                 values[f"torque_constant_{joint}"],
@@ -90,7 +78,7 @@ def arm_scene(result: ArmIdentification) -> Scene:
         ],
         gravity=(along, 0.0, across),
         delay=result.input_delay,
-        step=timestep(float(resonances(planar_arm(arm), values).max()), dry=dry),
+        step=mjcf.timestep(float(resonances(planar_arm(arm), values).max()), dry=dry),
     )
 
 
@@ -98,10 +86,10 @@ def _links(
     arm: PlanarArm,
     values: Mapping[str, float],
     rotors: Mapping[int, float],
-    sides: Mapping[int, Side],
-) -> list[Body]:
+    sides: Mapping[int, mjcf.Side],
+) -> list[mjcf.Body]:
     """Return bodies of the links, so that links and rotors have the base parameters."""
-    found: list[Body] = []
+    found: list[mjcf.Body] = []
     for slack in _SLACKS:
         found = _bodies(arm, values, rotors, sides, slack)
         if len(found) == arm.joints:
@@ -115,11 +103,11 @@ def _bodies(
     arm: PlanarArm,
     values: Mapping[str, float],
     rotors: Mapping[int, float],
-    sides: Mapping[int, Side],
+    sides: Mapping[int, mjcf.Side],
     slack: float,
-) -> list[Body]:
+) -> list[mjcf.Body]:
     """Return bodies up to the last link, without the first links if one has no inertia."""
-    found: list[Body] = []
+    found: list[mjcf.Body] = []
     beyond = carried = 0.0  # mass of links that turn on this one, inertia of those that slide
     for joint in range(arm.joints, 0, -1):
         length = arm.lengths[joint - 1] if joint < arm.joints else 0.0
@@ -132,13 +120,16 @@ def _bodies(
             mass = slack * square / inertia if square and inertia > 0.0 else inertia
         else:
             mass = values[f"link_mass_{joint}"] - beyond
-            inertia = (square / mass if mass else 0.0) + NOTHING * mass
+            inertia = (square / mass if mass else 0.0) + mjcf.NOTHING * mass
         if inertia <= 0.0 or mass <= 0.0:
             return found[::-1]
+        axis, angle = _AXIS, arm.slides[joint - 1] if arm.slides else None
+        if angle is not None:  # from the link before it
+            axis = mjcf.Axis("slide", f"{cos(angle):.12g} 0 {sin(angle):.12g}")
         found.append(
-            Body(
+            mjcf.Body(
                 f"link_{joint}",
-                _axis(arm, joint),
+                axis,
                 sides[joint],
                 mass,
                 inertia - square / mass,
@@ -160,19 +151,13 @@ def _moments(
     return (values[along] - beyond, values[across]) if felt and along in values else (0.0, 0.0)
 
 
-def _axis(arm: PlanarArm, joint: int) -> Axis:
-    """Return a link's axis, a hinge or a slide at an angle from the link before it."""
-    angle = arm.slides[joint - 1] if arm.slides else None
-    return _AXIS if angle is None else Axis("slide", f"{cos(angle):.12g} 0 {sin(angle):.12g}")
-
-
 def _rotor(values: Mapping[str, float], joint: int, notes: list[str]) -> float:
     """Return the part of a rotor's inertia that turns with the link before it."""
     coupling, motor = values.get(f"rotor_coupling_{joint}", 0.0), values[f"motor_inertia_{joint}"]
     if motor <= 0.0:
         why = "but every inertia is positive"
         raise impossible(f"motor_inertia_{joint}", f"{motor:g}", why)
-    coupling = possible(coupling, f"rotor_coupling_{joint}", notes, "rotor")
+    coupling = mjcf.possible(coupling, f"rotor_coupling_{joint}", notes, "rotor")
     if coupling > motor:
         notes.append(
             f"rotor_coupling_{joint} is {coupling:.4g}, above the motor's inertia, which no gear "
@@ -181,22 +166,22 @@ def _rotor(values: Mapping[str, float], joint: int, notes: list[str]) -> float:
     return min(coupling, motor)
 
 
-def _side(values: Mapping[str, float], side: str, joint: int, notes: list[str]) -> Side:
+def _side(values: Mapping[str, float], side: str, joint: int, notes: list[str]) -> mjcf.Side:
     """Return the friction, inertia and constant torque of one side."""
     names = {word: f"{side}_{word}_friction_{joint}" for word in ("viscous", "coulomb")}
-    found = {word: possible(values[name], name, notes) for word, name in names.items()}
+    found = {word: mjcf.possible(values[name], name, notes) for word, name in names.items()}
     inertia = values.get(f"{side}_inertia_{joint}", 0.0)  # a link that slides has a mass instead
-    return Side(inertia, offset=-values.get(f"{side}_offset_{joint}", 0.0), **found)
+    return mjcf.Side(inertia, offset=-values.get(f"{side}_offset_{joint}", 0.0), **found)
 
 
-def _spring(values: Mapping[str, float], joint: int, notes: list[str]) -> Spring:
+def _spring(values: Mapping[str, float], joint: int, notes: list[str]) -> mjcf.Spring:
     stiffness, damping = (values[f"joint_{word}_{joint}"] for word in ("stiffness", "damping"))
     if stiffness <= 0.0:
         why = "but every stiffness is positive"
         raise impossible(f"joint_stiffness_{joint}", f"{stiffness:g}", why)
-    damping = possible(damping, f"joint_damping_{joint}", notes, "tendon")
+    damping = mjcf.possible(damping, f"joint_damping_{joint}", notes, "tendon")
     cubic = values[f"cubic_joint_stiffness_{joint}"]
     # The tendon's torque is the offset when both encoders agree.
     roots = np.roots([cubic, 0.0, stiffness, -values[f"joint_offset_{joint}"]])
     rest = float(min(roots[np.isreal(roots)].real, key=abs))
-    return Spring(stiffness, cubic=cubic, damping=damping, rest=rest)
+    return mjcf.Spring(stiffness, cubic=cubic, damping=damping, rest=rest)

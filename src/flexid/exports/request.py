@@ -1,4 +1,4 @@
-"""Request for an export: a model with its values and its online estimator."""
+"""Request for an export: a model with its values, and settings of an online estimator."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -22,8 +22,6 @@ from flexid.recording.sampling import check_sample_time
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-    from flexid.estimators.recursive_least_squares import RecursiveLeastSquares
-    from flexid.estimators.samples import Samples
     from flexid.identification.result import Identification
     from flexid.identification.vocabulary.evidence import ValueEstimate
     from flexid.recording.recording import Hold
@@ -31,25 +29,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ExportRequest:
-    """Model to export, with its values and its online estimator."""
+    """Model to export, with its values."""
 
     system: ParametricSystem  # with known coefficients as constants and smooth friction
     values: Mapping[str, float] = field(default_factory=dict)  # of its coefficients
     # of coefficients, constants, inputs and states; empty for a model without units
     units: Mapping[str, str] = field(default_factory=dict)
     identification: "Identification | None" = None
-    settings: "EstimatorSettings | None" = None  # of the online estimator
-    samples: "Samples | None" = None  # log for its test vector
 
     @property
     def joint(self) -> JointType:
         """Type of the joint."""
         return "revolute" if self.identification is None else self.identification.joint
-
-    @property
-    def doubts(self) -> tuple[str, ...]:
-        """Warnings about undetermined values."""
-        return () if self.identification is None else doubts_of(self.identification.coefficients)
 
 
 def doubts_of(values: Mapping[str, "ValueEstimate"]) -> tuple[str, ...]:
@@ -120,9 +111,6 @@ def check_possible(result: "Identification") -> None:
             raise impossible(name, value, "but must be positive with any spring and inertia")
 
 
-_MEMORY = 60.0  # s; keeps sums in float finite over years of samples
-
-
 @dataclass(frozen=True)
 class EstimatorSettings:
     """Settings of an online estimator."""
@@ -130,20 +118,12 @@ class EstimatorSettings:
     sample_time: float  # s
     hold: "Hold" = "zero"  # of the input between samples
     filter_rate: float = 20.0  # 1/s, of the filter of positions and inputs
-    memory: float = _MEMORY  # s, after which a sample weighs 1/e as much
-    start: Mapping[str, float] = field(default_factory=dict)  # 0 for coefficients left out
+    # s, after which a sample weighs 1/e as much; keeps sums in float finite over years of samples
+    memory: float = 60.0
 
     def __post_init__(self) -> None:
         check_sample_time(self.sample_time)
         check_filter_rate(self.filter_rate, self.sample_time)
-
-    def twin(self, system: ParametricSystem) -> "RecursiveLeastSquares":
-        """Return the equivalent estimator in Python."""
-        from flexid.estimators.recursive_least_squares import recursive_least_squares
-
-        return recursive_least_squares(
-            system, self.sample_time, self.filter_rate, self.hold, self.memory
-        )
 
     @property
     def summary(self) -> str:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
 from importlib import import_module
 from math import isfinite
 from os import PathLike
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from flexid.library.arguments import FilePath
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, OneLog
-    from flexid.paper.observer import SymbolicObserver
 
 
 _SHIPPED = "flexible-joint"  # name of the model that needs no file
@@ -72,21 +70,19 @@ def derive(
 
     printers = {"latex": latex_observer, "python": python_observer, "c": c_observer}
     observer = derive_observer(declared(model, terms, unknown_input_gain))
-    return ObserverText(printers[to](observer), tuple(_notes(observer)))
-
-
-def _notes(observer: SymbolicObserver) -> Iterator[str]:
+    notes = []
     if observer.quadratures:
-        yield (
+        notes.append(
             f"no plain closed form for the immersion of {', '.join(observer.quadratures)}; "
             f"integrated numerically"
         )
     if observer.input_rates:
         rates = ", ".join(map(str, observer.input_rates))
-        yield (
+        notes.append(
             f"the observer needs the input's rate of change: {rates}; least squares (flexid "
             f"identify) does not"
         )
+    return ObserverText(printers[to](observer), tuple(notes))
 
 
 def declared(model: Any, terms: Iterable[str] | None, unknown_input_gain: bool) -> ParametricSystem:
@@ -171,12 +167,12 @@ def export(
         option = [*given, *of_estimator][0]
         raise SettingError(option, f"is for the online estimator of c99: leave it out with {to}")
     module, content = _exporter(what, terms, to)
+    of_c99: list[Any] = []
     if to == "c99":
         samples = None if log is None else _longest(log, columns, content)
-        estimator = _estimator_settings(content, samples, sample_time, given)
-        content = replace(content, settings=estimator, samples=samples)
+        of_c99 = [_estimator_settings(content, samples, sample_time, given), samples]
     with output_directory(Path(out)) as directory:
-        warnings = import_module(f"flexid.exports.{module}").write(content, directory)
+        warnings = import_module(f"flexid.exports.{module}").write(content, directory, *of_c99)
         names = sorted(path.name for path in directory.iterdir())
     return ExportedFiles(tuple(Path(out) / name for name in names), tuple(warnings))
 
@@ -228,7 +224,7 @@ def _estimator_settings(
         found["hold"] = "zero" if choices.hold == "zero" else "linear"
         if choices.filter_rate is not None and isfinite(choices.filter_rate):
             found["filter_rate"] = choices.filter_rate
-    return EstimatorSettings(h, start=request.values, **(found | dict(given)))
+    return EstimatorSettings(h, **(found | dict(given)))
 
 
 def _longest(log: Any, columns: Any, request: ExportRequest) -> Samples:

@@ -34,7 +34,7 @@ typedef double flexid_real;
 /* One sample, taken every {{ settings.sample_time }} s. */
 typedef struct {
 %% for name in drive.sample_names
-    flexid_real {{ drive.names[name] }}; /* {{ drive.sample_unit(name) }} */
+    flexid_real {{ drive.names[name] }}; /* {{ drive.unit(name) | comment }} */
 %% endfor
 } flexid_sample;
 
