@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
 from math import hypot, inf, isfinite, log, nan
 from typing import Any, Literal
 
@@ -23,6 +22,7 @@ from flexid.models.flexible_joint import (
     WIDTHS,
 )
 from flexid.models.physical import ANGLES, difference
+from flexid.stored_estimates.estimate_file import drive_of
 
 Either = Identification | ArmIdentification
 Values = Mapping[str, ValueEstimate]
@@ -193,8 +193,11 @@ def _evaluated(
         return replace(blank, reason=f"{side} lacks it, and gives no bound for it")
     if a.unit != b.unit:
         return replace(blank, reason=f"A has it in {a.unit}, B in {b.unit}")
-    if reason := _unlike_reason(blank.name, {**a.slopes, **b.slopes}, unlike):
-        return replace(blank, reason=reason)
+    for (coefficient, shape), reason in unlike.items():
+        own = coefficient in a.slopes or coefficient in b.slopes
+        # The ripple's amplitude does not depend on its origin.
+        if own and (blank.name, shape) != ("torque_ripple", RIPPLE_ORIGIN):
+            return replace(blank, reason=reason)
     if "[" in blank.name:
         return replace(blank, reason="each log has its own value")
     for side, value in (("A", a), ("B", b)):
@@ -206,8 +209,7 @@ def _evaluated(
         if _is_undetermined(value):
             reason = f"in {side} {value.reason or 'it is unknown'}"
             return replace(blank, outcome="not determined", reason=reason)
-    by = _by_ratio if a.logarithmic and b.logarithmic else _by_difference
-    return by(blank, a, b, logs)
+    return _with_interval(blank, a, b, logs)
 
 
 def _is_undetermined(value: ValueEstimate) -> bool:
@@ -221,37 +223,28 @@ def _is_undetermined(value: ValueEstimate) -> bool:
     return value.verdict == "undetermined" and not wide
 
 
-def _by_difference(
+def _with_interval(
     blank: Difference, a: ValueEstimate, b: ValueEstimate, logs: Sharing
 ) -> Difference:
-    """Return the difference with an interval that is symmetrical about its value."""
+    """Return the difference with an interval about its value, or about the ratio's logarithm."""
     value = difference(blank.name, a.value, b.value)
-    half, probability = _significance(value, a.std, b.std, a, b, logs)
-    nonzero = a.value != 0.0 and a.interval[0] * a.interval[1] > 0.0
-    percent = 100.0 / abs(a.value) if nonzero and blank.name not in ANGLES else nan
+    if a.logarithmic and b.logarithmic:
+        logarithm = log(b.value) - log(a.value)
+        half, probability = _significance(logarithm, a.std / a.value, b.std / b.value, a, b, logs)
+        with np.errstate(over="ignore"):
+            low, high = (a.value * np.expm1([logarithm - half, logarithm + half])).tolist()
+        percent = 100.0 / a.value
+    else:
+        half, probability = _significance(value, a.std, b.std, a, b, logs)
+        low, high = value - half, value + half
+        nonzero = a.value != 0.0 and a.interval[0] * a.interval[1] > 0.0
+        percent = 100.0 / abs(a.value) if nonzero and blank.name not in ANGLES else nan
     return replace(
         blank,
         value=value,
-        interval=(value - half, value + half),
+        interval=(low, high),
         percent=percent * value,
-        percent_interval=(percent * (value - half), percent * (value + half)),
-        probability=probability,
-        outcome="no change",
-    )
-
-
-def _by_ratio(blank: Difference, a: ValueEstimate, b: ValueEstimate, logs: Sharing) -> Difference:
-    """Return the difference with an interval symmetrical about the logarithm of the ratio."""
-    logarithm = log(b.value) - log(a.value)
-    half, probability = _significance(logarithm, a.std / a.value, b.std / b.value, a, b, logs)
-    with np.errstate(over="ignore"):
-        low, high = np.expm1([logarithm - half, logarithm + half]).tolist()
-    return replace(
-        blank,
-        value=b.value - a.value,
-        interval=(a.value * low, a.value * high),
-        percent=100.0 * (b.value / a.value - 1.0),
-        percent_interval=(100.0 * low, 100.0 * high),
+        percent_interval=(percent * low, percent * high),
         probability=probability,
         outcome="no change",
     )
@@ -328,20 +321,12 @@ def _same_axis(log: tuple[str, set[str]], other: tuple[str, set[str]]) -> bool:
     return log[0] == other[0] and not disjoint
 
 
-_JOINTS = {
-    "flexible": "a flexible joint",
-    "link": "a link alone",
-    "rigid": "a rigid joint",
-    "arm": "an arm",
-}
-
-
 def _limits(a: Either, b: Either, logs: Sharing) -> Iterator[str]:
     """Yield a sentence for each limit of the comparison."""
     sides = {"A": a, "B": b}
     if a.model != b.model:
         yield (
-            f"A is of {_JOINTS[a.model]} and B of {_JOINTS[b.model]}: only values with the same "
+            f"A is of {drive_of(a.model)} and B of {drive_of(b.model)}: only values with the same "
             f"name, meaning and unit in both are compared"
         )
     if logs == "some shared":
@@ -382,18 +367,13 @@ _OWN_RATIO = {RIPPLE_NUMBER: 1.02, RIPPLE_ORIGIN: 1.0 + 1e-9}
 """Largest ratio for constants that need a tighter limit: otherwise the ripple is another one."""
 
 
-@cache
-def _constants() -> Sequence[tuple[str, str]]:
-    """Return each coefficient whose regressor has a chosen constant, with that constant."""
-    regressors = [r for t in SHAPE_TERMS.values() for r in (*t.link.items(), *t.motor.items())]
-    # The centre of a backlash is no such constant: the encoders' zeros may differ between logs.
-    return [(c, shape) for c, r in regressors for shape in WIDTHS if shape in r]
-
-
 def _unlike_constants(a: Identification, b: Identification) -> dict[tuple[str, str], str]:
     """Return why values of a coefficient are not comparable, by coefficient and constant."""
+    regressors = [r for t in SHAPE_TERMS.values() for r in (*t.link.items(), *t.motor.items())]
+    # The centre of a backlash is no such constant: the encoders' zeros may differ between logs.
+    constants = [(c, shape) for c, text in regressors for shape in WIDTHS if shape in text]
     found = {}
-    for coefficient, shape in _constants():
+    for coefficient, shape in constants:
         first, second = (estimate.choices.shapes.get(shape) for estimate in (a, b))
         if first is None or second is None or not _differ(first, second, shape):
             continue
@@ -416,14 +396,3 @@ def _is_gap(shape: str, estimate: Identification) -> bool:
     if shape != BACKLASH_WIDTH or gap is None:
         return False
     return not _differ(gap.value, estimate.choices.shapes[shape], shape)
-
-
-def _unlike_reason(
-    name: str, rests_on: Mapping[str, float], unlike: Mapping[tuple[str, str], str]
-) -> str:
-    """Return why the values of a number are not comparable; empty if they are."""
-    for (coefficient, shape), reason in unlike.items():
-        # The ripple's amplitude does not depend on its origin.
-        if coefficient in rests_on and (name, shape) != ("torque_ripple", RIPPLE_ORIGIN):
-            return reason
-    return ""

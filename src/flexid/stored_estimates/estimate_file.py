@@ -88,6 +88,11 @@ class StoredEstimate(NamedTuple):
         return refusal(self.name, key, reason)
 
 
+def drive_of(model: str) -> str:
+    """Return the kind of drive of an estimate's model, for a sentence."""
+    return {"arm": "an arm", "link": "a link alone"}.get(model, f"a {model} joint")
+
+
 def read_estimate(estimate: "Path | str | Mapping[str, Any]") -> StoredEstimate:
     """Read a stored estimate from its file, its folder, or its content as a mapping."""
     if isinstance(estimate, Mapping):
