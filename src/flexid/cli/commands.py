@@ -21,9 +21,9 @@ from flexid.cli.generated import (
     print_document,
     print_warnings,
     replace_what_cannot_be_encoded,
-    show,
     working,
 )
+from flexid.cli.live import watch
 from flexid.errors import ConvergenceError, FlexidError, SettingError, SimulationError
 from flexid.files import is_arm_file
 
@@ -45,14 +45,8 @@ def identify(command: Command, options: Options, flags: Options) -> None:
         raise SettingError("LOG", f"an arm takes one log, and {len(logs)} were given: give one")
     from flexid.library.identify import identify_arm
 
-    show(
-        command,
-        flags,
-        lambda progress: identify_arm(
-            Path(logs[0]), Path(model), columns and Path(columns), progress
-        ),
-        "--json",
-    )
+    log, arm, columns = Path(logs[0]), Path(model), columns and Path(columns)
+    present(command, options, flags, lambda progress: identify_arm(log, arm, columns, progress))
 
 
 def derive(command: Command, options: Options, flags: Options) -> None:
@@ -127,13 +121,6 @@ def _progress_bar() -> Iterator[Callable[[int, int], None]]:
         yield report
 
 
-def watch(command: Command, options: Options, flags: Options) -> None:
-    """Follow a source, and report its state."""
-    from flexid.cli.live import watch as follow
-
-    follow(command, options, flags)
-
-
 def studio(command: Command, options: Options, _flags: Options) -> None:
     """Serve the studio until it is interrupted."""
     command.function(**options)
@@ -171,18 +158,23 @@ class _Group(click.Group):
         return list(self.commands)
 
 
-def _command(name: str) -> Command:
-    run, done = _RUN.get(name, present), _IS_COMPLETE.get(name, lambda *_: True)
-    return Command(name, **_TEXTS[name], run=run, done=done)
-
-
 def command_line(only: str = "") -> click.Group:
     """Return all commands, or only the named one, which imports less."""
+    commands = [
+        Command(
+            name,
+            **_TEXTS[name],
+            run=_RUN.get(name, present),
+            done=_IS_COMPLETE.get(name, lambda *_: True),
+        )
+        for name in COMMANDS
+        if only in ("", name)
+    ]
     group = _Group(
         name="flexid",
         help=_ABOUT,
         epilog=_EPILOG,
-        commands=[_command(name) for name in COMMANDS if only in ("", name)],
+        commands=commands,
         no_args_is_help=True,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
@@ -192,18 +184,14 @@ def command_line(only: str = "") -> click.Group:
     return click.option("--debug", is_flag=True, expose_value=False, help=defect)(group)
 
 
-def _requested_command(arguments: Sequence[str]) -> str:
-    """Return the name of the command that is called, or an empty text for all commands."""
-    first = next((each for each in arguments if each != "--debug"), "")
-    return first if first in COMMANDS and "_FLEXID_COMPLETE" not in os.environ else ""
-
-
 def run() -> ExitStatus:
     """Run the command line and return its exit status."""
     open_what_is_closed()
     replace_what_cannot_be_encoded()
     try:
-        group = command_line(_requested_command(sys.argv[1:]))
+        first = next((each for each in sys.argv[1:] if each != "--debug"), "")
+        is_only = first in COMMANDS and "_FLEXID_COMPLETE" not in os.environ
+        group = command_line(first if is_only else "")
         return ExitStatus(group.main(prog_name="flexid", standalone_mode=False) or 0)
     except click.ClickException as error:
         error.show()

@@ -43,20 +43,11 @@ _MOST_WARNINGS = 3  # printed at most; the others are in the report
 class ExitStatus(IntEnum):
     """Exit status of a command."""
 
-    DONE = 0
-    """The command is done, and every requested value is determined or weak."""
-
-    LACKING = 1
-    """Done, but the data do not support all of the result, which states what and why."""
-
-    BAD_INPUT = 2
-    """An input, an option or an output path is invalid; the message states what to do."""
-
-    INTERRUPTED = 3
-    """Ended by Ctrl-C, SIGTERM or SIGHUP; no half-written file is left."""
-
-    DEFECT = 70
-    """A defect of flexid, with the number of sysexits.h; the message states how to report it."""
+    DONE = 0  # and every requested value is determined or weak
+    LACKING = 1  # done, but the data do not support all of the result, which states what and why
+    BAD_INPUT = 2  # an input, an option or an output path is invalid; the message states what to do
+    INTERRUPTED = 3  # by Ctrl-C, SIGTERM or SIGHUP; no half-written file is left
+    DEFECT = 70  # of flexid, as in sysexits.h; the message states how to report it
 
 
 def output(out: Path | None) -> AbstractContextManager[Path | None]:
@@ -230,20 +221,20 @@ class Command(click.Command):
         return self.function(**options)
 
 
-def present(command: Command, options: Options, flags: Options) -> None:
+def present(
+    command: Command,
+    options: Options,
+    flags: Options,
+    work: "Callable[[Progress], Answer] | None" = None,  # in place of the public function
+) -> None:
     """Call the public function, print its result, write its files, and set the exit status."""
-    show(command, flags, lambda progress: command.call(options, progress), command.more)
-
-
-def show(command: Command, flags: Options, work: "Callable[[Progress], Answer]", more: str) -> None:
-    """Run `work`, print its result, write its files, and set the exit status."""
     from rich.console import Console
 
     errors = Console(stderr=True)
     with output(flags.get("out")) as files:
         with working(errors, command.doing) as progress:
-            answer = work(progress)
-        rest = "" if flags.get("explain") else more
+            answer = work(progress) if work else command.call(options, progress)
+        rest = "" if flags.get("explain") else "--json" if work else command.more
         with working(errors, "drawing" if files else ""):
             hand_over(answer, flags, files, errors, rest)
     if not command.done(answer, flags):
@@ -252,24 +243,18 @@ def show(command: Command, flags: Options, work: "Callable[[Progress], Answer]",
 
 @contextmanager
 def working(errors: "Console", doing: str) -> Iterator[Progress]:
-    """Show progress on a terminal; yields the function to call with each step."""
-    with logged_messages() if doing else nullcontext():
-        if not (doing and errors.is_terminal):
-            yield lambda _step: None
-            return
-        with errors.status(doing) as status:
-            yield lambda step: status.update(f"{doing}: {step}")
-
-
-@contextmanager
-def logged_messages() -> Iterator[None]:
-    """Print log messages of the library on standard error, on a terminal or not."""
+    """Show log messages, and on a terminal progress; yields the function to call with each step."""
     logger, handler = logging.getLogger("flexid"), logging.StreamHandler()
     before = logger.level
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
+    if doing:
+        logger.addHandler(handler)
+        logger.setLevel(logging.INFO)
     try:
-        yield
+        if doing and errors.is_terminal:
+            with errors.status(doing) as status:
+                yield lambda step: status.update(f"{doing}: {step}")
+        else:
+            yield lambda _step: None
     finally:
         logger.removeHandler(handler)
         logger.setLevel(before)

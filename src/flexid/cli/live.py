@@ -30,6 +30,8 @@ def watch(command: Command, options: Options, flags: Options) -> None:
     """Follow the source to its end or to an interruption, then report."""
     from rich.console import Console
 
+    from flexid.report.terminal import print_parts
+
     if "source" not in options:
         raise SettingError("SOURCE", "is missing: name a file, - or an address")
     watched: Watch = command.function(**options)
@@ -40,7 +42,10 @@ def watch(command: Command, options: Options, flags: Options) -> None:
         except Exception as error:  # any error: the report of the samples before it comes first
             failure = error
         if watched.has_begun:
-            _report(watched, as_json=flags["json"])
+            if flags["json"]:
+                click.echo(json.dumps(watched.document))
+            else:
+                print_parts(watched._parts())
             if files is not None:
                 watched._write_files(files, as_typed(), csv=False)
         if failure is not None:
@@ -93,16 +98,6 @@ def _follow(watched: "Watch", signals: list[int], errors: "Console", *, as_json:
                 drawn = now
             if signals:
                 break
-
-
-def _report(watched: "Watch", *, as_json: bool) -> None:
-    """Print the last report."""
-    if as_json:
-        click.echo(json.dumps(watched.document))
-        return
-    from flexid.report.terminal import print_parts
-
-    print_parts(watched._parts())
 
 
 def studio(log: str | None = None, *, port: int = 8765, browser: bool = True) -> None:

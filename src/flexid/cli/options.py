@@ -17,22 +17,6 @@ _Value = TypeVar("_Value")
 _UNCERTAIN = re.compile(r"(.+?)(?:±|\+/?-)(.+)")
 
 
-class _Path(click.ParamType[str]):
-    """Path of a file, folder or source; rejects the empty text, which means the working folder."""
-
-    name = "path"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: Any) -> str:  # noqa: ARG002 - click's
-        """Return the path as typed."""
-        if not value.strip():
-            assert param is not None
-            raise SettingError(typed_name(param), "its name is empty: give one")
-        return value
-
-
-NAMED = _Path()
-
-
 def typed_name(parameter: click.Parameter) -> str:
     """Return the name of an option or argument as the help shows it."""
     return parameter.opts[0] if isinstance(parameter, click.Option) else f"{parameter.metavar}"
@@ -41,7 +25,7 @@ def typed_name(parameter: click.Parameter) -> str:
 class Option(NamedTuple):
     """Format of a parameter of a public function on the command line."""
 
-    kind: Callable[[str], Any] | click.ParamType  # type that click parses
+    kind: Callable[[str], Any]  # type that click parses
     metavar: str | None = None  # None: the choices in the parameter's documentation
     convert: Callable[[str, Any], Any] | None = None  # conversion to the type of the parameter
     note: str = ""  # text of the help after the parameter's documentation
@@ -52,6 +36,13 @@ class Option(NamedTuple):
         if self.convert is None or value in (None, ()):
             return value
         return self.convert(typed_name(parameter), value)
+
+
+def parse_path(option: str, value: Any) -> Any:
+    """Return one or several paths as typed; raise for an empty one, the working folder."""
+    if not all(path.strip() for path in ([value] if isinstance(value, str) else value)):
+        raise SettingError(option, "its name is empty: give one")
+    return value
 
 
 def parse_number(option: str, text: str) -> float | Literal["auto"]:
@@ -121,17 +112,17 @@ def _pairs(metavar: str, parse: Callable[[str, Any], Any], note: str = "") -> Op
     return Option(str, metavar, parse, f"{note} May be repeated.".strip(), several=True)
 
 
-_FILE = Option(NAMED, "FILE")
-OUT = Option(NAMED, "DIR", lambda _name, path: Path(path))
+_FILE = Option(str, "FILE", parse_path)
+OUT = Option(str, "DIR", lambda name, path: Path(parse_path(name, path)))
 _NAMES = ", ".join((*TERMS, *SHAPE_TERMS))
 _TERMS = Option(str, "NAMES", note=f"Names, separated by commas: {_NAMES}.")
 
 ARGUMENTS = {
-    "log": Option(NAMED, "LOG"),
+    "log": Option(str, "LOG", parse_path),
     "logs": Option(
-        NAMED, "LOG", note=f"Files: {kinds()}; - for CSV from standard input.", several=True
+        str, "LOG", parse_path, f"Files: {kinds()}; - for CSV from standard input.", several=True
     ),
-    "what": Option(NAMED, "ESTIMATE|MODEL"),
+    "what": Option(str, "ESTIMATE|MODEL", parse_path),
 }
 """Arguments (without a name), by parameter; any other argument is a path."""
 
@@ -208,7 +199,7 @@ def option_of(parameter: inspect.Parameter) -> Option:
         parts = str(getattr(declared, "__name__", declared)).split(" | ")
         option = next((OPTIONS[part] for part in parts if part in OPTIONS), Option(str))
         return option._replace(metavar=_METAVARS.get(parameter.name, option.metavar))
-    return ARGUMENTS.get(parameter.name, Option(NAMED, parameter.name.upper()))
+    return ARGUMENTS.get(parameter.name, Option(str, parameter.name.upper(), parse_path))
 
 
 def flag_of(name: str, option: Option) -> click.Parameter:
