@@ -24,7 +24,7 @@ from flexid.identification.result import Identification
 from flexid.identification.structure.validation import validate
 from flexid.recording import Log, Recording, read_log, with_velocities
 from flexid.report.figure import BLUE, GREY, ORANGE, STYLE, draw, new_figure, save
-from flexid.report.identification import explanation, format_fits, identification_parts
+from flexid.report.identification import evidence, format_fits, parts
 from flexid.report.response_charts import fit_chart
 from flexid.report.terminal import print_parts
 
@@ -104,7 +104,7 @@ def main() -> None:
     (recording,) = log.recordings
     half = len(recording) // 2
     result = identify([log], Settings(validation_share=SHARE))
-    print_parts([*identification_parts(result), *explanation(result)])
+    print_parts([*parts(result), *evidence(result)])
     for name, settings in {
         "three terms": Settings(terms=TERMS, validation_share=SHARE),
         "three terms, input in time": Settings(
@@ -112,23 +112,23 @@ def main() -> None:
         ),
     }.items():
         print(name)
-        print_parts(identification_parts(identify([log], settings)))
+        print_parts(parts(identify([log], settings)))
     windows = {
         "first half": recording.window(0, half),
         "second half": recording.window(half, len(recording)),
         "all": recording,
     }
-    parts = {}
+    found = {}
     for name, window in windows.items():
         print(name)
-        parts[name] = ways(result, log, window)
-    print_ways(parts)
+        found[name] = ways(result, log, window)
+    print_ways(found)
     with mpl.rc_context(STYLE):
         save(draw(fit_chart(result)), ASSETS, "ist-free-run")
         figure = new_figure(7.2, 3.2)
         axes = figure.subplots(1, len(SHOWN))
         for ax, name in zip(axes, SHOWN, strict=True):
-            draw_ways(ax, parts, name)
+            draw_ways(ax, found, name)
             ax.set_xlabel("least squares, filter rate | prediction error, segments")
         axes[0].legend(loc="lower left")
         save(figure, ASSETS, "ist-ways")

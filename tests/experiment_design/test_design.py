@@ -21,7 +21,7 @@ from flexid.experiment_design.design import (
 )
 from flexid.experiment_design.drive import Case, CaseRun, read_drive
 from flexid.models.flexible_joint import flexible_joint
-from flexid.report.design import save_command
+from flexid.report.design import write_data
 from flexid.simulation.free_run import free_run
 from joint_logs import SAMPLE_TIME, steady_sine
 
@@ -63,7 +63,7 @@ def test_limits_hold_on_wrong_drives(designed):
 
 def test_errors_of_a_fit_are_as_predicted(designed, tmp_path):
     """Assert that fits to noisy runs of the designed input have the predicted errors."""
-    save_command(designed, tmp_path)
+    write_data(designed, tmp_path)
     table = pl.read_csv(tmp_path / "command.csv")
     torque = table["motor_torque [N m]"].to_numpy()
     case, drive = designed.drive.nominal, designed.drive

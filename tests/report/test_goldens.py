@@ -14,14 +14,15 @@ from flexid.arrays import to_json
 from flexid.estimators.excitation import excitation_of_gram
 from flexid.experiments.campaign_store import Manifest, Result, Summary
 from flexid.identification.vocabulary.evidence import FreeRun, ModelError
+from flexid.library import validation as library
 from flexid.report import campaign, validation, watch
 from flexid.report.comparison import comparison_summary, largest, outcome_text
 from flexid.report.comparison import parts as comparison_parts
 from flexid.report.identification import (
     answers,
     estimates_table,
-    explanation,
-    identification_parts,
+    evidence,
+    parts,
     verdict_reasons,
 )
 from flexid.report.terminal import Part, as_text
@@ -34,15 +35,15 @@ from flexid.streaming.session import Session
 from made_estimates import STIFFER, TRUE, exact, with_parameter
 
 
-def printed(*parts: Part) -> list[str]:
+def printed(*items: Part) -> list[str]:
     """Return the lines printed on a terminal."""
-    return as_text(parts, WIDTH).splitlines()
+    return as_text(items, WIDTH).splitlines()
 
 
 def identification():
     """Return an answer in which each number occurs once, with the evidence for its choices."""
     result = made_result()
-    return printed(*identification_parts(result), *explanation(result))
+    return printed(*parts(result), *evidence(result))
 
 
 def exact_fit():
@@ -50,7 +51,7 @@ def exact_fit():
     result = made_result(ModelError(16.0, 1.2, 0.72))
     held = replace(result.validation, fit_percent={"motor_position": 99.0})
     result = replace(result, disturbances=None, validation=held)
-    return printed(*identification_parts(result), *explanation(result))
+    return printed(*parts(result), *evidence(result))
 
 
 def document():
@@ -68,7 +69,7 @@ def negligible():
     result = replace(
         result, parameters={"x": small}, validation=replace(result.validation, fit_percent=still)
     )
-    return printed(*identification_parts(result))
+    return printed(*parts(result))
 
 
 def streamed():
@@ -78,7 +79,7 @@ def streamed():
     known = made.coefficients["theta1"]
     reasons = {"theta1": "is wide", "alpha1": "contradicts", "alpha2": "contradicts"}
     doubtful = {n: replace(known, verdict="weak", reason=said) for n, said in reasons.items()}
-    return printed(*verdict_reasons(doubtful), *explanation(replace(made, choices=choices)))
+    return printed(*verdict_reasons(doubtful), *evidence(replace(made, choices=choices)))
 
 
 def narrow():
@@ -204,9 +205,8 @@ def validations():
         over = {**VALIDATED.horizons, 5.0: {"motor_position": fit}}
         drifting = replace(VALIDATED, fit_percent={"motor_position": -700.0}, horizons=over)
         yield [*validation.parts(drifting)][-2]
-    charts = validation.charts(VALIDATED)
-    page = validation.PRESENTER.page((VALIDATED,), charts, ("beware",), "flexid validate e.json")
-    yield from page_lines(page)
+    answer = library.EstimateValidation(replace(VALIDATED, warnings=("beware",)))
+    yield from page_lines(answer._page("flexid validate e.json"))
 
 
 def watched():

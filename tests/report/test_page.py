@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 
 import flexid
 from browser import Watched, serious_faults
-from flexid.report.page import Command, Presenter
+from flexid.report.page import Command, result_page
 from flexid.report.terminal import Column, Table
 
 STROKE = "() => getComputedStyle(document.querySelector('.chart path[stroke]')).stroke"
@@ -73,9 +75,10 @@ def test_a_page_asks_for_nothing_and_may_ask_for_nothing(page):
 def test_how_to_repeat_it_says_only_what_is_known():
     """Assert that a result without provenance or command has no table of it."""
     table = Table("Values", [Column("name")])
-    shown = Presenter(lambda _: ("Title", "subject"), lambda _: [table], lambda _: {})
-    assert shown.page((None,), (), (), "").sections == []
-    (origin,) = shown.page((None,), (), (), "flexid watch -").sections
+    made = {"heading": ("Title", "subject"), "parts": [table]}
+    page = partial(result_page, lambda name: made.get(name, ()), (), (), {})
+    assert page("").sections == []
+    (origin,) = page("flexid watch -").sections
     assert origin.content == [Command("flexid watch -")]
 
 

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from shown import chart_lines, check
 
-from flexid.experiments import read_experiment
-from flexid.experiments.measures import measure
+from flexid.experiments.experiment import read_experiment
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
-from flexid.report import simulated_run
+from flexid.library.simulate import SimulatedRun
 from flexid.report.chart import Band, Line, Panel
 from flexid.report.page import page_html
 from flexid.report.reproduction import charts as reproduction_charts
@@ -76,12 +75,7 @@ def run() -> Run:
 
 def test_a_run_is_on_its_page(run: Run):
     """Assert that the page has the table, the figures, the lines, the command and the file."""
-    measures = measure(run)
-    charts = simulated_run.charts(EXPERIMENT, run, measures)
-    page = simulated_run.PRESENTER.page(
-        (EXPERIMENT, run, measures), charts, (), "flexid simulate x"
-    )
-    made = page_html(page)
+    made = page_html(SimulatedRun(EXPERIMENT, run)._page("flexid simulate x"))
     assert made.count('class="chart"') == 2
     for text in ("theta1", "Tracking error:", "flexid simulate x", EXPERIMENT.digest):
         assert text in made

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from made_result import made_result
 
 from flexid.report.excitation import format_percent
-from flexid.report.identification import explanation, identification_parts
+from flexid.report.identification import evidence, parts
 from flexid.report.terminal import Column, Table, as_text, format_with_interval, number, numbers
 
 USUAL = st.integers(-(10**9), 10**9).map(lambda number: number / 1000)
@@ -54,7 +54,7 @@ def test_an_identification_fits_80_columns(value, ends):
     assume(upper - lower > 1e-3 * max(abs(lower), abs(upper), abs(value)))
     wild = replace(made.parameters["gravity_torque"], value=value, interval=(lower, upper))
     result = replace(made, parameters={"gravity_torque_per_motor_inertia": wild})
-    text = as_text([*identification_parts(result), *explanation(result)], 80)
+    text = as_text([*parts(result), *evidence(result)], 80)
     assert max(map(len, text.splitlines())) <= 80
     assert {*format_with_interval(value, lower, upper)} <= {*NUMBER.findall(text)}
     assert "…" not in text

@@ -85,7 +85,7 @@ def _print_answer(answer: "Answer", flags: Mapping[str, Any]) -> None:
     else:
         from flexid.report.terminal import print_parts
 
-        print_parts([*answer._parts(), *(answer._evidence() if flags.get("explain") else ())])
+        print_parts(answer._parts(explain=flags.get("explain", False)))
 
 
 def as_typed() -> str:

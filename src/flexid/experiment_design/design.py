@@ -236,7 +236,12 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
     drive = file.drive
     search, sample_time = Search(drive, seed), drive.experiment.sample_time
     nominal, everyone = search.nominal, (search.nominal, *search.cases)
-    _check_rest(drive, everyone)
+    for case in everyone:
+        if np.abs(case.rest()).max() >= drive.limits.position:
+            raise SettingError(
+                "limits.position",
+                f"is exceeded even at rest ({case.name}): raise it, or correct the offsets",
+            )
     candidates = []
     for found in search.run(STARTS, finished):
         coarse, fine = search.coarse.signal(found), search.fine.signal(found)
@@ -280,15 +285,6 @@ def predict(drive: Drive, case: Case, run: CaseRun) -> Prediction:
         run.peaks(),
         float(np.sqrt(np.mean(run.torque**2))),
     )
-
-
-def _check_rest(drive: Drive, cases: Sequence[Case]) -> None:
-    for case in cases:
-        if np.abs(case.rest()).max() >= drive.limits.position:
-            raise SettingError(
-                "limits.position",
-                f"is exceeded even at rest ({case.name}): raise it, or correct the offsets",
-            )
 
 
 def _scale(

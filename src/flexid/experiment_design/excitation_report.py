@@ -14,7 +14,7 @@ from flexid.identification.judgement import verdict
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result import Identification
 from flexid.identification.vocabulary import Progress, silent
-from flexid.identification.vocabulary.evidence import Estimate, ValueEstimate
+from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import POSITIVE, resonance
 from flexid.recording.recording import Log
@@ -51,7 +51,7 @@ def assess(result: Identification) -> tuple[dict[str, CoefficientAssessment], Co
     }
     costs = dict(zip(names, inflation.tolist(), strict=True))
     coefficients = {
-        name: _assessed(name, c, fit, by_name.get(name, {}), costs.get(name, np.inf), result)
+        name: _assessed(name, c, by_name.get(name, {}), costs.get(name, np.inf), result)
         for name, c in result.coefficients.items()
     }
     return coefficients, by_name
@@ -73,7 +73,6 @@ def _confusion(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _assessed(
     name: str,
     c: ValueEstimate,
-    fit: Estimate,
     correlations: Mapping[str, float],
     inflation: float,
     result: Identification,
@@ -87,7 +86,7 @@ def _assessed(
         if others:
             partner = max(others, key=lambda other: abs(others[other]))
             correlation = others[partner]
-    elif name in fit.names:
+    elif name in result.fit.names:
         partner, correlation = _partner_of(name, result.excitation)
     else:  # known, or derived from others
         inflation = 1.0
@@ -172,6 +171,15 @@ class ExcitationReport:
     coefficients: Mapping[str, CoefficientAssessment]  # in the model's order
     correlations: Correlations
     advice: Advice | None  # None if every coefficient is determined
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings to read before the numbers are used."""
+        return self.identification.warnings
+
+    def supports(self, *, strict: bool = False) -> bool:
+        """Whether every value is determined or weak; if `strict`, whether all are determined."""
+        return self.identification.supports(strict=strict)
 
 
 def examine(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from html import escape
 from importlib import import_module
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from flexid.library.arguments import FilePath
     from flexid.report.chart import Chart
-    from flexid.report.page import Page, Presenter
+    from flexid.report.page import Page
     from flexid.report.terminal import Part
 
 
@@ -54,34 +54,34 @@ class Answer:
         return name != "result" and not name.startswith("_") and any(name in one for one in every)
 
     @property
-    def _presenter(self) -> Presenter:
-        return import_module(f"flexid.report.{self._report}").PRESENTER
-
-    @property
     def _shown(self) -> tuple[Any, ...]:
-        """Arguments of the presenter's functions."""
+        """Arguments of the functions that present the result."""
         return (self.result,)
 
-    def _parts(self) -> Iterable[Part]:
-        """Return tables and sentences of the result."""
-        return self._presenter.parts(*self._shown)
+    def _present(self, function: str, *more: Any) -> Any:
+        """Return what a function of the report's module gives; nothing if it lacks the function."""
+        module = import_module(f"flexid.report.{self._report}")
+        return getattr(module, function, lambda *_: ())(*self._shown, *more)
 
-    def _evidence(self) -> Iterable[Part]:
-        """Return the evidence for each choice, as ``--explain`` prints it."""
-        return self._presenter.evidence(*self._shown)
+    def _parts(self, *, explain: bool = False) -> list[Part]:
+        """Return tables and sentences of the result, and if requested the evidence for choices."""
+        return [*self._present("parts"), *(self._present("evidence") if explain else ())]
 
     def _document(self) -> Mapping[str, Any]:
         """Return everything but the time series; numbers may be NaN or infinite."""
-        return self._presenter.document(*self._shown)
+        return self._present("document")
 
     def _page(self, command: str = "") -> Page:
         """Return the report page; `command` is the command line that repeats the result."""
-        return self._presenter.page(self._shown, self._drawn, self.warnings, command)
+        from flexid.report.page import result_page
+
+        provenance = self._document().get("provenance", {})
+        return result_page(self._present, self._drawn, self.warnings, provenance, command)
 
     @cached_property
     def _drawn(self) -> Sequence[Chart]:
         """Figures, the most important first; made once for files, page and notebook."""
-        return self._presenter.charts(*self._shown)
+        return self._present("charts")
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -169,7 +169,7 @@ class Answer:
         from flexid.report.page import NAME, page_html
 
         (directory / self._file).write_text(to_json(self._document()), encoding="utf-8")
-        self._presenter.write_data(*self._shown, directory, csv)
+        self._present("write_data", directory, csv)
         save_charts(self._drawn, directory, self._formats)
         (directory / NAME).write_text(page_html(self._page(command)), encoding="utf-8")
 
@@ -193,11 +193,6 @@ class EstimateAnswer(Answer):
     """Estimate of a joint or of an arm."""
 
     _file = "estimate.json"
-
-    def _document(self) -> Mapping[str, Any]:
-        from flexid.stored_estimates.estimate_file import estimate_document
-
-        return estimate_document(self.result)
 
     def supports(self, *, strict: bool = False) -> bool:
         """Return whether the data determine every parameter, at least weakly.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexid.errors import SettingError
 from flexid.identification.vocabulary import Progress, silent
-from flexid.library.answer import Answer
+from flexid.library.answer import Answer, EstimateAnswer
 from flexid.library.arguments import entrance, joint_settings, one_thread, options_of
 from flexid.library.identify import estimated, identify
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from flexid.library.logs import Columns, Logs
 
 
-class LogExcitation(Answer):
+class LogExcitation(EstimateAnswer):
     """How well a log determines each coefficient, and what its motion lacks."""
 
     _report = "excitation"
@@ -42,21 +42,6 @@ class LogExcitation(Answer):
         from flexid.library.joint_estimate import JointEstimate
 
         return JointEstimate(self.result.identification)
-
-    def supports(self, *, strict: bool = False) -> bool:
-        """Return whether the data determine every parameter, at least weakly.
-
-        Parameters
-        ----------
-        strict : bool, optional
-            Count weak parameters as not determined.
-        """
-        return self.result.identification.supports(strict=strict)
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Warnings to read before the numbers are used."""
-        return self.result.identification.warnings
 
     def __repr__(self) -> str:
         found = [c.verdict for c in self.coefficients.values()]

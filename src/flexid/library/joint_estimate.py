@@ -173,20 +173,14 @@ class JointEstimate(EstimateAnswer):
         """
         import polars as pl
 
-        every = self._every
         ends = self.intervals(level)
-        columns = {
-            "name": list(every),
-            "kind": ["parameter"] * len(self.parameters) + ["coefficient"] * len(self.coefficients),
-            "value": [e.value for e in every.values()],
-            "unit": [e.unit for e in every.values()],
-            "std": [e.std for e in every.values()],
-            "lower": [ends[name][0] for name in every],
-            "upper": [ends[name][1] for name in every],
-            "verdict": [e.verdict for e in every.values()],
-            "reason": [e.reason for e in every.values()],
-        }
-        return pl.DataFrame(columns)
+        rows = [
+            (name, kind, e.value, e.unit, e.std, *ends[name], e.verdict, e.reason)
+            for kind, values in (("parameter", self.parameters), ("coefficient", self.coefficients))
+            for name, e in values.items()
+        ]
+        names = ("name", "kind", "value", "unit", "std", "lower", "upper", "verdict", "reason")
+        return pl.DataFrame(rows, schema=names, orient="row")
 
     def summary(self, *, explain: bool = False) -> str:
         """Return the result as text, as ``flexid identify`` prints it.
@@ -198,7 +192,7 @@ class JointEstimate(EstimateAnswer):
         """
         from flexid.report.terminal import as_text
 
-        return as_text([*self._parts(), *(self._evidence() if explain else ())])
+        return as_text(self._parts(explain=explain))
 
     def validate(self, logs: Logs, *, columns: Columns | None = None) -> EstimateValidation:
         """Predict other logs with the estimate, as `flexid.validate` does.

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from flexid.arms.result import ArmIdentification
 from flexid.report.chart import Chart
 from flexid.report.identification import estimates_table, verdict_reasons
-from flexid.report.page import Presenter, logs_of
+from flexid.report.page import logs_of
 from flexid.report.response_charts import free_run_chart
 from flexid.report.terminal import Part
 from flexid.report.validation import fits_table
@@ -21,11 +21,6 @@ def parts(result: ArmIdentification) -> Iterator[Part]:
         yield from verdict_reasons(own)
     if result.validation.fit_percent:
         yield fits_table(result.validation)
-    yield from _timing(result)
-
-
-def _timing(result: ArmIdentification) -> Iterator[str]:
-    """Return sentences on the input, delays, residuals and excitation."""
     held = "held between samples" if result.hold == "zero" else "on straight lines between samples"
     delay = f", delayed by {1e3 * result.input_delay:.3g} ms" if result.input_delay else ""
     if result.disturbances is None:
@@ -50,11 +45,11 @@ def charts(result: ArmIdentification) -> list[Chart]:
     return [free_run_chart("fit", title, result.validation, {}, result.arm.types)]
 
 
+document = estimate_document
+
+
 def heading(result: ArmIdentification) -> tuple[str, str]:
     """Return the number of joints, and the files."""
     joints = result.arm.joints
     title = f"Planar arm of {joints} joint{'s' if joints > 1 else ''}"
     return title, logs_of(result.provenance)
-
-
-PRESENTER = Presenter(heading, parts, estimate_document, charts)

@@ -5,24 +5,11 @@ from math import isfinite
 from typing import Any
 
 from flexid.experiments.campaign_store import QUANTILES, Summary
-from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, Table, number, numbers
 
 
 def parts(summary: Summary) -> Iterator[Part]:
-    """Return tables and sentences of the result."""
-    yield from status_lines(summary)
-    yield ""
-    yield quantiles_table(summary)
-    if any(result.missing for result in summary.results):
-        yield (
-            "Missing: finished runs without this result. An estimate that does not stay within 5 % "
-            "of the truth has no settling time."
-        )
-
-
-def status_lines(summary: Summary) -> Iterator[str]:
-    """Return sentences on how many runs are done, and with which status."""
+    """Return how many runs are done, with which status, and quantiles of each result."""
     total = summary.manifest.runs
     if summary.complete:
         yield f"{total} runs, {summary.manifest.kind}"
@@ -42,17 +29,19 @@ def status_lines(summary: Summary) -> Iterator[str]:
             f"Damaged and left out: {', '.join(summary.damaged)}; the command that began the "
             f"campaign replaces them"
         )
-
-
-def quantiles_table(summary: Summary) -> Table:
-    """Return quantiles of each result over the finished runs."""
+    yield ""
     shares = (f"{100 * share:g} %" for share in QUANTILES)
     columns = (Column("result"), *numbers(*shares, "missing"))
     table = Table(f"{summary.finished} finished runs, SI units", columns)
     for result in summary.results:
         shown = (number(value, 4) if isfinite(value) else "" for value in result.quantiles)
         table.add(result.name, *shown, str(result.missing or ""))
-    return table
+    yield table
+    if any(result.missing for result in summary.results):
+        yield (
+            "Missing: finished runs without this result. An estimate that does not stay within 5 % "
+            "of the truth has no settling time."
+        )
 
 
 def heading(summary: Summary) -> tuple[str, str]:
@@ -88,6 +77,3 @@ def document(summary: Summary) -> dict[str, Any]:
             "plan": manifest.plan,
         },
     }
-
-
-PRESENTER = Presenter(heading, parts, document)

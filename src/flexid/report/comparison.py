@@ -10,7 +10,6 @@ from flexid.arrays import plain
 from flexid.identification.vocabulary.evidence import CONFIDENCE
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.report.identification import COEFFICIENTS, PARAMETERS
-from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, Table, listed, number, numbers, value_texts
 from flexid.stored_estimates.comparison import Comparison, Difference, Outcome
 
@@ -80,7 +79,12 @@ def comparison_summary(comparison: Comparison) -> Iterator[str]:
         yield _of_one_log(comparison, compared)
     else:
         yield _changes(comparison, compared)
-        yield from _perhaps(comparison, compared)
+        if perhaps := comparison.having("perhaps changed"):
+            share = 100.0 * (1.0 - CONFIDENCE ** len(compared))
+            yield (
+                f"Perhaps changed: {_names(perhaps)}. Among {_count(compared)}, chance gives such "
+                f"a difference in up to about {share:.0f} % of comparisons; a third log can decide."
+            )
     if comparison.lacking:
         yield f"Not determined in A or in B, and so not compared: {_names(comparison.lacking)}."
 
@@ -114,16 +118,6 @@ def _changes(comparison: Comparison, compared: Sequence[Difference]) -> str:
         return f"{unchanged}."
     worst = max(known, key=lambda d: d.largest_percent)
     return f"{unchanged}; the largest that may be hidden is {largest(worst)} of {worst.name}."
-
-
-def _perhaps(comparison: Comparison, compared: Sequence[Difference]) -> Iterator[str]:
-    perhaps = comparison.having("perhaps changed")
-    if perhaps:
-        yield (
-            f"Perhaps changed: {_names(perhaps)}. Among {_count(compared)}, chance gives such "
-            f"a difference in up to about {100.0 * (1.0 - CONFIDENCE ** len(compared)):.0f} % of "
-            f"comparisons; a third log can decide."
-        )
 
 
 def _of_one_log(comparison: Comparison, compared: Sequence[Difference]) -> str:
@@ -186,6 +180,3 @@ def _differences(differences: Mapping[str, Difference]) -> dict[str, Any]:
         del made["name"]
         found[name] = made | {"difference": made.pop("value")}
     return found
-
-
-PRESENTER = Presenter(heading, parts, document)

@@ -11,7 +11,6 @@ from flexid.experiment_design.design import Design
 from flexid.experiment_design.drive import DOUBT
 from flexid.models.motion import unit_of
 from flexid.report.chart import Axis, Chart, Line, Panel
-from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, Table, number, numbers
 
 _UNITS = {"torque": "N m", "velocity": "rad/s", "position": "rad", "deflection": "rad"}
@@ -86,17 +85,15 @@ def charts(result: Design) -> tuple[Chart]:
 _DIGITS = 10  # significant digits, more than a drive resolves
 
 
-def save_command(result: Design, directory: Path, _csv: bool = False) -> None:
+def write_data(result: Design, directory: Path, _csv: bool = False) -> None:
     """Write command.csv: the torque command over time."""
     torque = f"motor_torque [{_units(result)['torque']}]"
     columns = {"time [s]": result.time, torque: result.run.torque}
-    table = pl.DataFrame({name: _rounded(values) for name, values in columns.items()})
-    table.write_csv(directory / "command.csv")
-
-
-def _rounded(values: np.ndarray) -> np.ndarray:
-    size = float(np.abs(values).max()) or 1.0
-    return np.round(values, max(0, _DIGITS - 1 - int(np.floor(np.log10(size))))) + 0.0
+    for name, values in columns.items():
+        size = float(np.abs(values).max()) or 1.0
+        places = max(0, _DIGITS - 1 - int(np.floor(np.log10(size))))
+        columns[name] = np.round(values, places) + 0.0
+    pl.DataFrame(columns).write_csv(directory / "command.csv")
 
 
 def heading(result: Design) -> tuple[str, str]:
@@ -123,6 +120,3 @@ def document(result: Design) -> dict[str, Any]:
         "seed": result.seed,
         "provenance": result.provenance,
     }
-
-
-PRESENTER = Presenter(heading, parts, document, charts, write_data=save_command)

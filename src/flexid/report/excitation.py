@@ -1,6 +1,6 @@
 """The assessment of a log as a table, advice and JSON."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from math import isfinite, isnan, pi
 from typing import Any
 
@@ -12,7 +12,7 @@ from flexid.experiment_design.excitation_report import (
     ExcitationReport,
 )
 from flexid.report.identification import excitation_lines, negligible_line, verdict_reasons
-from flexid.report.page import Presenter, logs_of
+from flexid.report.page import logs_of
 from flexid.report.terminal import VERDICT_STYLES, Column, Part, Table, number, numbers, value_texts
 
 _LARGEST_FACTOR = 99  # larger factors are shown as ">99"
@@ -21,17 +21,6 @@ _SMALLEST_SHARE = 1e-4  # smaller shares are shown as "<0.01 %"
 
 def parts(report: ExcitationReport) -> Iterator[Part]:
     """Return tables and sentences of the result."""
-    yield _table(report.coefficients)
-    yield from verdict_reasons(report.coefficients)
-    yield from negligible_line(report.coefficients.values())
-    yield ""
-    yield from excitation_lines(report.identification.excitation)
-    yield from report.identification.summary
-    yield ""
-    yield from advice_lines(report.advice)
-
-
-def _table(coefficients: Mapping[str, CoefficientAssessment]) -> Table:
     columns = (
         Column("name"),
         *numbers("value"),
@@ -42,7 +31,7 @@ def _table(coefficients: Mapping[str, CoefficientAssessment]) -> Table:
     )
     title = "Half-widths (±) of 95 % intervals; factors by which other unknowns widen them"
     table = Table(title, columns)
-    for name, c in coefficients.items():
+    for name, c in report.coefficients.items():
         table.add(
             name,
             value_texts(c.value, *c.interval)[0],
@@ -52,7 +41,14 @@ def _table(coefficients: Mapping[str, CoefficientAssessment]) -> Table:
             f"{c.partner} {c.correlation:+.2f}" if c.partner else "",
             Text(c.verdict, VERDICT_STYLES[c.verdict]),
         )
-    return table
+    yield table
+    yield from verdict_reasons(report.coefficients)
+    yield from negligible_line(report.coefficients.values())
+    yield ""
+    yield from excitation_lines(report.identification.excitation)
+    yield from report.identification.summary
+    yield ""
+    yield from advice_lines(report.advice)
 
 
 def _inflation_text(c: CoefficientAssessment) -> str:
@@ -117,6 +113,3 @@ def document(report: ExcitationReport) -> dict[str, Any]:
         "warnings": found.warnings,
         "provenance": found.provenance,
     }
-
-
-PRESENTER = Presenter(heading, parts, document)

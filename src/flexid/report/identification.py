@@ -10,8 +10,6 @@ from rich.text import Text
 from flexid.estimators.excitation import Excitation
 from flexid.identification.result import Choices, Identification
 from flexid.identification.vocabulary.evidence import (
-    Disturbances,
-    ModelError,
     Validation,
     ValueEstimate,
     Verdict,
@@ -20,14 +18,25 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.motion import unit_of
 from flexid.models.physical import ANGLES
 from flexid.report.chart import Chart
-from flexid.report.page import Answer, Command, Presenter, Tone, logs_of
-from flexid.report.terminal import VERDICT_STYLES, Column, Part, Table, number, numbers, value_texts
+from flexid.report.page import Answer, Command, Tone, logs_of
+from flexid.report.response_charts import bode_chart, fit_chart, residual_chart
+from flexid.report.terminal import (
+    VERDICT_STYLES,
+    Column,
+    Part,
+    Table,
+    format_fit,
+    number,
+    numbers,
+    value_texts,
+)
 from flexid.stored_estimates.estimate_file import estimate_document
+from flexid.stored_estimates.frequency_response import frequency_response
 
 PARAMETERS, COEFFICIENTS = "Physical parameters", "Coefficients"
 
 
-def identification_parts(result: Identification) -> Iterator[Part]:
+def parts(result: Identification) -> Iterator[Part]:
     """Return tables and sentences of the result."""
     yield estimates_table(PARAMETERS, result.parameters)
     yield estimates_table(COEFFICIENTS, result.coefficients)
@@ -41,7 +50,13 @@ def identification_parts(result: Identification) -> Iterator[Part]:
     seen = "visible" if result.compliance.visible else "not visible"
     yield f"Compliance: {seen}; {result.compliance.reason}."
     if result.removed:
-        yield f"Excluded terms, with upper bounds: {', '.join(removed_lines(result))}."
+        bounds = []
+        for name, parameter in result.removed.items():
+            largest = max(map(abs, parameter.interval))
+            below = f"below {largest:.2g} {parameter.unit}"
+            bound = below if isfinite(largest) else "(not determined by this log)"
+            bounds.append(f"{name} {bound}")
+        yield f"Excluded terms, with upper bounds: {', '.join(bounds)}."
     yield ""
     yield from result.summary
 
@@ -83,21 +98,17 @@ def residual_lines(result: Identification) -> Iterator[str]:
         excess = ", ".join(f"{name} {x:.3g}" for name, x in result.residual_excess.items())
         yield f"Residual over sensor noise (ideal: 1): {excess}"
     if result.disturbances is None:
-        yield _model_error(result.model_error)
+        error = result.model_error
+        yield (
+            f"Model error: {error.excess**0.5:.2g} times the sensors' noise, "
+            f"{100 * error.share:.0f} % of it systematic"
+            if error.share
+            else "Model error: none visible in the residuals"
+        )
         return
     shares = result.disturbances.shares.items()
     listed = ", ".join(f"{name} {100.0 * share:.2g} %" for name, share in shares)
     yield f"Unexplained acceleration: {listed}"
-
-
-def _model_error(error: ModelError) -> str:
-    """Return a sentence on the model error, estimated from residuals above sensor noise."""
-    if error.share == 0.0:
-        return "Model error: none visible in the residuals"
-    return (
-        f"Model error: {error.excess**0.5:.2g} times the sensors' noise, "
-        f"{100 * error.share:.0f} % of it systematic"
-    )
 
 
 def _horizons(validation: Validation) -> Iterator[str]:
@@ -111,14 +122,6 @@ def _horizons(validation: Validation) -> Iterator[str]:
             continue
         shown = ", ".join(f"{fit:.1f}" for fit in fits)
         yield f"Prediction over {spans} s: {channel} {shown} %"
-
-
-def removed_lines(result: Identification) -> Iterator[str]:
-    """Return each excluded parameter with its upper bound."""
-    for name, parameter in result.removed.items():
-        largest = max(map(abs, parameter.interval))
-        known = f"below {largest:.2g} {parameter.unit}"
-        yield f"{name} {known if isfinite(largest) else '(not determined by this log)'}"
 
 
 def estimates_table(
@@ -150,17 +153,10 @@ def format_fits(fits: Mapping[str, float]) -> str:
     return ", ".join(f"{channel} {format_fit(fit)}" for channel, fit in fits.items())
 
 
-def format_fit(fit: float) -> str:
-    """Return a free-run fit as text."""
-    if isnan(fit):
-        return "not tested (at rest)"
-    return f"{fit:.1f} %" if fit > -1000.0 else "diverges"
-
-
 _LEAST_PROBABILITY = 1e-6  # smaller probabilities are shown as "< 1e-06"
 
 
-def explanation(result: Identification) -> Iterator[Part]:
+def evidence(result: Identification) -> Iterator[Part]:
     """Return the evidence for the choices: tables of the alternatives, and sentences."""
     choices = result.choices
     yield ""
@@ -175,8 +171,13 @@ def explanation(result: Identification) -> Iterator[Part]:
         velocity = unit_of("rad/s", result.joint)
         yield f"Coulomb friction changes sign over {choices.coulomb_velocity:.3g} {velocity}"
     yield ""
-    if result.disturbances is not None:
-        yield from _disturbances(result.disturbances)
+    if found := result.disturbances:
+        table = Table("Unexplained acceleration, RMS", (Column("balance"), *numbers("share")))
+        for name, share in found.shares.items():
+            table.add(name, number(100.0 * share, 2, "%"))
+        yield table
+        yield f"Fitted in the joint's band, one sample every {1e3 * found.sample_time:.3g} ms"
+        yield ""
     if choices.estimator != "least-squares":
         yield _least_squares(result)
 
@@ -221,16 +222,6 @@ def _delays(result: Identification) -> Table:
     return table
 
 
-def _disturbances(found: Disturbances) -> Iterator[Part]:
-    """Return the accelerations that no term explains."""
-    table = Table("Unexplained acceleration, RMS", (Column("balance"), *numbers("share")))
-    for name, share in found.shares.items():
-        table.add(name, number(100.0 * share, 2, "%"))
-    yield table
-    yield f"Fitted in the joint's band, one sample every {1e3 * found.sample_time:.3g} ms"
-    yield ""
-
-
 def _least_squares(result: Identification) -> Table:
     rate = result.choices.filter_rate
     columns = (Column("name"), *numbers("estimate", "least squares"))
@@ -241,6 +232,8 @@ def _least_squares(result: Identification) -> Table:
         table.add(name, *shown)
     return table
 
+
+document = estimate_document
 
 _TITLES = {"flexible": "Flexible joint", "link": "Link of a flexible joint", "rigid": "Rigid joint"}
 
@@ -306,12 +299,8 @@ def _next_step(result: Identification, lacking: Sequence[ValueEstimate]) -> Answ
 
 
 def charts(result: Identification) -> Sequence[Chart]:
-    """Return all charts for which the result has data."""
-    from flexid.report.response_charts import identification_charts
-
-    return identification_charts(result)
-
-
-PRESENTER = Presenter(
-    heading, identification_parts, estimate_document, charts, answers, explanation
-)
+    """Return all charts for which the result has data; a loaded one has no time series."""
+    bode = bode_chart(frequency_response(result))
+    if not result.validation.runs:
+        return (bode,)
+    return fit_chart(result), residual_chart(result.validation, (result.joint,)), bode

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import log10
@@ -66,38 +66,32 @@ class Page:
     sections: Sequence[Section]  # everything else
 
 
-@dataclass(frozen=True)
-class Presenter:
-    """Functions that present a kind of result; each takes the result as first argument."""
-
-    heading: Callable[..., tuple[str, str]]  # title and source
-    parts: Callable[..., Iterable[Part]]  # tables and sentences
-    document: Callable[..., Mapping[str, Any]]  # everything but the time series, for JSON
-    charts: Callable[..., Sequence[Chart]] = lambda *_: ()  # the most important one first
-    answers: Callable[..., Sequence[Answer]] = lambda *_: ()  # next to the main table
-    evidence: Callable[..., Iterable[Part]] = lambda *_: ()  # evidence for choices
-    write_data: Callable[..., None] = lambda *_: None  # takes folder, and whether to add CSV
-
-    def page(
-        self, shown: Sequence[Any], charts: Sequence[Chart], warnings: Sequence[str], command: str
-    ) -> Page:
-        """Return a page with the printed result, its charts, and the command that repeats it."""
-        parts = [*self.parts(*shown)]
-        lead = next(part for part in parts if isinstance(part, Table))
-        rest = [part for part in parts if part is not lead]
-        facts = _facts(self.document(*shown).get("provenance", {}))
-        origin: list[Item] = [Command(command)] if command else []
-        origin += [facts] if facts.rows else []
-        sections = (
-            Section("warnings", "Warnings", [Text(warning, "yellow") for warning in warnings]),
-            Section("numbers", "All other results", rest),
-            *(Section(chart.name, chart.title, [chart]) for chart in charts),
-            Section("evidence", "Evidence for every choice", [*self.evidence(*shown)]),
-            Section("origin", "How to repeat this result", origin),
-        )
-        title, subject = self.heading(*shown)
-        filled = [section for section in sections if section.content]
-        return Page(title, subject, lead, self.answers(*shown), filled)
+def result_page(
+    present: Callable[[str], Any],  # gives what a function of the report's module returns, by name
+    charts: Sequence[Chart],
+    warnings: Sequence[str],
+    provenance: Mapping[str, Any],
+    command: str,  # command line that repeats the result
+) -> Page:
+    """Return a page with the printed result, its charts, and the command that repeats it."""
+    parts = [*present("parts")]
+    lead = next(part for part in parts if isinstance(part, Table))
+    rest = [part for part in parts if part is not lead]
+    facts = Table("Provenance", (Column("item"), Column("value")))
+    for name, value in _flat(provenance):
+        facts.add(name, value)
+    origin: list[Item] = [Command(command)] if command else []
+    origin += [facts] if facts.rows else []
+    sections = (
+        Section("warnings", "Warnings", [Text(warning, "yellow") for warning in warnings]),
+        Section("numbers", "All other results", rest),
+        *(Section(chart.name, chart.title, [chart]) for chart in charts),
+        Section("evidence", "Evidence for every choice", [*present("evidence")]),
+        Section("origin", "How to repeat this result", origin),
+    )
+    filled = [section for section in sections if section.content]
+    title, subject = present("heading")
+    return Page(title, subject, lead, present("answers"), filled)
 
 
 def logs_of(provenance: Mapping[str, Any]) -> str:
@@ -105,14 +99,6 @@ def logs_of(provenance: Mapping[str, Any]) -> str:
     logs = provenance.get("inputs", ())
     files = [Path(log["file"]).name for log in logs if log.get("file")]
     return ", ".join(files) or "data in memory"
-
-
-def _facts(provenance: Mapping[str, Any]) -> Table:
-    """Return a table of versions, logs with their digests, settings and choices."""
-    table = Table("Provenance", (Column("item"), Column("value")))
-    for name, value in _flat(provenance):
-        table.add(name, value)
-    return table
 
 
 def _flat(value: Any, name: str = "") -> Iterator[tuple[str, str]]:

@@ -22,7 +22,6 @@ from flexid.report.chart import (
     whole_decades,
     with_margin,
 )
-from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, Table, number, numbers
 from flexid.studies.reproduction import Claim, Reproduction, Verdict
 from flexid.studies.runs import (
@@ -330,6 +329,3 @@ _PAPER = (
 def heading(_result: Reproduction) -> tuple[str, str]:
     """Return the title, and the paper."""
     return "Huang (2003), reproduced", _PAPER
-
-
-PRESENTER = Presenter(heading, parts, document, charts)

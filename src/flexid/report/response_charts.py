@@ -1,7 +1,7 @@
 """Charts of logs, free runs, residuals and frequency responses."""
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
+from math import inf, isfinite
 
 import numpy as np
 
@@ -11,13 +11,8 @@ from flexid.identification.vocabulary.evidence import FreeRun, Validation
 from flexid.models.motion import JointType, unit_of, unit_of_channel
 from flexid.recording.recording import Log
 from flexid.report.chart import Axis, Band, Chart, Colour, Level, Line, Mark, Panel, with_margin
-from flexid.report.identification import format_fit
-from flexid.report.terminal import value_texts
-from flexid.stored_estimates.frequency_response import (
-    FrequencyResponse,
-    Response,
-    frequency_response,
-)
+from flexid.report.terminal import format_fit, value_texts
+from flexid.stored_estimates.frequency_response import FrequencyResponse, Response
 
 _MARGIN = 0.15  # share of the measured range, left free above and below
 _BELOW = 0.5  # height of the panel of residuals, relative to the panel above it
@@ -53,7 +48,8 @@ def _panels(
     title = f"{label}: fit {format_fit(fit)}"
     frame = below = None
     if span > 0.0:
-        largest = _largest(simulated - measured)
+        errors = np.abs(simulated - measured)
+        largest = float(errors.max()) if np.isfinite(errors).all() else inf
         frame = with_margin(float(measured.min()), float(measured.max()), _MARGIN)
         if not isfinite(largest):
             title += "; it diverges"
@@ -83,10 +79,6 @@ def _panels(
 
 def _error(run: FreeRun, place: int) -> FloatArray:
     return run.measured[:, place] - run.simulated[:, place]
-
-
-def _largest(error: FloatArray) -> float:
-    return float(np.abs(np.where(np.isfinite(error), error, np.inf)).max(initial=0.0))
 
 
 def _finite(values: FloatArray) -> FloatArray:
@@ -202,12 +194,16 @@ def bode_chart(described: FrequencyResponse) -> Chart:
     ]
     sizes = _magnitudes(described)
     title = f"\nno band: {', '.join(described.unknown)} not determined" if described.unknown else ""
-    phases = [_phase(described, response) for response in responses]
-    phase = Axis("phase", "°", limits=_degrees(phases), step=90.0)
+    magnitudes, phases = zip(*(_marks(described, r) for r in responses), strict=True)
+    drawn = [mark.y for marks in phases for mark in marks if isinstance(mark, Line)]
+    shown = np.concatenate([np.zeros(1), *drawn])
+    shown = shown[np.isfinite(shown)]
+    ends = float(shown.min()) - _PHASE_MARGIN, float(shown.max()) + _PHASE_MARGIN
+    phase = Axis("phase", "°", limits=ends, step=90.0)
     panels: list[tuple[str, Axis, Sequence[Mark], float]] = []
-    for r in responses:
+    for r, marks in zip(responses, magnitudes, strict=True):
         size = Axis("magnitude", r.unit, logarithmic=True, limits=sizes)
-        panels.append((f"{r.output} over {r.input}{title}", size, _magnitude(described, r), 1.7))
+        panels.append((f"{r.output} over {r.input}{title}", size, marks, 1.7))
     for r, marks in zip(responses, phases, strict=True):
         panels.append((f"{r.output}: phase", phase, marks, 1.1))
     return Chart(
@@ -219,37 +215,22 @@ def bode_chart(described: FrequencyResponse) -> Chart:
     )
 
 
-def _magnitude(described: FrequencyResponse, response: Response) -> list[Mark]:
-    hertz = described.frequency
-    marks: list[Mark] = []
-    if np.isfinite(response.upper).all():
-        label = f"{100 * described.level:g} % band"
-        marks.append(Band(label, hertz, response.lower, response.upper, "blue"))
-    if response.values.any():  # a zero has no logarithm
-        marks.append(Line("model", hertz, np.abs(response.values), "blue"))
-    return marks
-
-
-def _phase(described: FrequencyResponse, response: Response) -> list[Mark]:
-    hertz = described.frequency
+def _marks(described: FrequencyResponse, response: Response) -> tuple[list[Mark], list[Mark]]:
+    """Return the marks of a response's magnitude, and of its phase."""
+    hertz, band = described.frequency, f"{100 * described.level:g} % band"
     angle = np.angle(response.values)
     steady = np.unwrap(angle)  # without jumps by a full turn
     turns = steady - angle
-    marks: list[Mark] = []
+    size: list[Mark] = []
+    phase: list[Mark] = []
     if np.isfinite(response.upper).all():
         ends = np.degrees(response.behind + turns), np.degrees(response.ahead + turns)
-        marks.append(Band(f"{100 * described.level:g} % band", hertz, *ends, "blue"))
-    if response.values.any():
-        marks.append(Line("model", hertz, np.degrees(steady), "blue"))
-    return marks
-
-
-def _degrees(phases: Sequence[Sequence[Mark]]) -> tuple[float, float]:
-    """Return the limits of the phase axis, for the phases of all models."""
-    drawn = [mark.y for marks in phases for mark in marks if isinstance(mark, Line)]
-    shown = np.concatenate([np.zeros(1), *drawn])
-    shown = shown[np.isfinite(shown)]
-    return float(shown.min()) - _PHASE_MARGIN, float(shown.max()) + _PHASE_MARGIN
+        size.append(Band(band, hertz, response.lower, response.upper, "blue"))
+        phase.append(Band(band, hertz, *ends, "blue"))
+    if response.values.any():  # a zero has no logarithm
+        size.append(Line("model", hertz, np.abs(response.values), "blue"))
+        phase.append(Line("model", hertz, np.degrees(steady), "blue"))
+    return size, phase
 
 
 def _magnitudes(described: FrequencyResponse) -> tuple[float, float]:
@@ -263,14 +244,6 @@ def _magnitudes(described: FrequencyResponse) -> tuple[float, float]:
     ]
     low, high = np.quantile(np.concatenate(sizes), (0.02, 1.0)) if sizes else (-1.0, 1.0)
     return float(10 ** (low - _DECADE_MARGIN)), float(10 ** (high + _DECADE_MARGIN))
-
-
-def identification_charts(result: Identification) -> Sequence[Chart]:
-    """Return all charts for which the result has data; a loaded one has no time series."""
-    bode = bode_chart(frequency_response(result))
-    if not result.validation.runs:
-        return (bode,)
-    return fit_chart(result), residual_chart(result.validation, (result.joint,)), bode
 
 
 def fit_chart(result: Identification) -> Chart:

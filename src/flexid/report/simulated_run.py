@@ -21,7 +21,6 @@ from flexid.experiments.measures import (
 )
 from flexid.recording.frame import write_parquet
 from flexid.report.chart import Axis, Band, Chart, Colour, Level, Line, Panel
-from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, Table, number, numbers
 from flexid.simulation.closed_loop import Run
 
@@ -140,7 +139,7 @@ def _frame(values: FloatArray) -> tuple[tuple[float, float] | None, str]:
     return None, ""
 
 
-def save_series(
+def write_data(
     _experiment: Experiment, run: Run, _measures: Measures, directory: Path, csv: bool
 ) -> None:
     """Write run.parquet and log.parquet, and if requested the same series as CSV."""
@@ -188,6 +187,3 @@ def document(experiment: Experiment, run: Run, measures: Measures) -> dict[str, 
             "tables": experiment.tables.model_dump(),
         },
     }
-
-
-PRESENTER = Presenter(heading, parts, document, charts, write_data=save_series)

@@ -110,6 +110,13 @@ def number(value: float, digits: int, unit: str = "") -> str:
     return f"{text} {unit}" if unit else text
 
 
+def format_fit(fit: float) -> str:
+    """Return a free-run fit as text."""
+    if isnan(fit):
+        return "not tested (at rest)"
+    return f"{fit:.1f} %" if fit > -1000.0 else "diverges"
+
+
 def laid_out(parts: Iterable[Part], width: int) -> Group:
     """Return the layout of sentences, and of tables with an empty line below each."""
     drawn: list[RenderableType] = []

@@ -11,16 +11,23 @@ from flexid.identification.structure.validation import HORIZONS
 from flexid.identification.vocabulary.evidence import Validation
 from flexid.models.motion import unit_of
 from flexid.report.chart import Chart
-from flexid.report.page import Presenter, logs_of
+from flexid.report.page import logs_of
 from flexid.report.response_charts import free_run_chart, residual_chart
 from flexid.report.terminal import Column, Part, Table, number, numbers
+from flexid.stored_estimates.estimate_file import drive_of
 from flexid.stored_estimates.validate_estimate import EstimateValidation
 
 
 def parts(result: EstimateValidation) -> Iterator[Part]:
     """Return tables and sentences of the result."""
     yield fits_table(result)
-    yield _errors_table(result)
+    units = " or ".join(dict.fromkeys(unit_of("rad", joint_type) for joint_type in result.types))
+    columns = (Column("channel"), *numbers("sensor noise", *map(_horizon, result.residuals)))
+    errors = Table(f"Prediction error by horizon ({units}, RMS)", columns)
+    for channel, noise in result.noise.items():
+        off = (found[channel] for found in result.residuals.values())
+        errors.add(channel, number(noise, 3), *(number(x, 3) if isfinite(x) else "–" for x in off))
+    yield errors
     moving = {channel: fit for channel, fit in result.fit_percent.items() if not isnan(fit)}
     worst = min(moving, key=lambda channel: moving[channel], default="")
     if worst and not moving[worst] >= WEAK_FIT:
@@ -58,19 +65,8 @@ def fits_table(result: Validation) -> Table:
     return table
 
 
-def _errors_table(result: EstimateValidation) -> Table:
-    columns = (Column("channel"), *numbers("sensor noise", *map(_horizon, result.residuals)))
-    units = " or ".join(dict.fromkeys(unit_of("rad", joint_type) for joint_type in result.types))
-    table = Table(f"Prediction error by horizon ({units}, RMS)", columns)
-    for channel, noise in result.noise.items():
-        off = (found[channel] for found in result.residuals.values())
-        table.add(channel, number(noise, 3), *(number(x, 3) if isfinite(x) else "–" for x in off))
-    return table
-
-
 def _drive(result: EstimateValidation) -> str:
-    words = {"arm": "an arm", "link": "a link alone"}.get(result.model, f"a {result.model} joint")
-    return f"{words} (prismatic)" if "revolute" not in result.types else words
+    return drive_of(result.model) + (" (prismatic)" if "revolute" not in result.types else "")
 
 
 def _horizon(horizon: float) -> str:
@@ -102,6 +98,3 @@ def document(result: EstimateValidation) -> dict[str, Any]:
     made = plain(replace(result, runs=()))
     del made["runs"]
     return made
-
-
-PRESENTER = Presenter(heading, parts, document, charts)

@@ -10,7 +10,6 @@ from rich.text import Text
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.models.physical import ANGLES, difference
 from flexid.report.identification import PARAMETERS, estimates_table, negligible_line
-from flexid.report.page import Presenter
 from flexid.report.terminal import Column, Part, laid_out, numbers
 from flexid.streaming.health import Health
 from flexid.streaming.session import Session
@@ -103,6 +102,3 @@ def document(session: Session) -> dict[str, Any]:
 def _values(found: Mapping[str, ValueEstimate]) -> dict[str, Any]:
     keys = ("value", "interval", "unit", "verdict")
     return {name: {key: getattr(e, key) for key in keys} for name, e in found.items()}
-
-
-PRESENTER = Presenter(heading, parts, document)
