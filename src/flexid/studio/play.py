@@ -149,7 +149,10 @@ def _measured(run: Run) -> Played:
     from flexid.simulation.lyapunov import row_histories
 
     steady = run.between(DURATION - _LAST, DURATION)
-    fewer = _every(run, max(1, len(run.time) // _SAMPLES))
+    series = ("time", "states", "inputs", "estimates", "parameter_errors", "tracking_error")
+    step = max(1, len(run.time) // _SAMPLES)  # enough for the page
+    thinned: dict[str, Any] = {name: getattr(run, name)[::step] for name in series}
+    fewer = replace(run, **thinned, measured=None)
     true = run.loop.true_coefficients
     names = run.loop.system.coefficients
     absolute = np.abs(fewer.parameter_errors)
@@ -174,13 +177,6 @@ def _measured(run: Run) -> Played:
         float(np.abs(run.tracking_error[steady]).max()),
         float(np.abs(run.inputs).max()),
     )
-
-
-def _every(run: Run, step: int) -> Run:
-    """Return every `step`-th sample of a run, enough for the page."""
-    series = ("time", "states", "inputs", "estimates", "parameter_errors", "tracking_error")
-    fewer: dict[str, Any] = {name: getattr(run, name)[::step] for name in series}
-    return replace(run, **fewer, measured=None)
 
 
 def _conditions(
@@ -266,7 +262,7 @@ class PlayRoom:
             refused = str(error)
             if not with_controls:
                 await window.show("play-problem", "problem.html", text=refused)
-                await window.played()
+                await window.tell("played")
                 return
             chosen = pinned = TABLE1  # the address is invalid
         if with_controls:
@@ -287,6 +283,6 @@ class PlayRoom:
             await window.show("play-figures", "play_figures.html", found=found)
             await window.show("play-charts", "drawn.html", figure=found.figure)
         except Exception:
-            await window.played()  # the page waits for this before its next request
+            await window.tell("played")  # the page waits for this before its next request
             raise
-        await window.played()
+        await window.tell("played")

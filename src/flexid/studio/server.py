@@ -45,7 +45,7 @@ class Studio:
             Route("/assets/{name}", self.asset),
             Route("/upload/{key}", self.upload, methods=["POST"]),
             Route("/files/{key}/{name}", self.file),
-            Route("/report/{key}", self.report),
+            Route("/report/{key}", self.file),
             WebSocketRoute("/socket", self.window),
         ]
         return Starlette(routes=routes)
@@ -101,20 +101,15 @@ class Studio:
         return JSONResponse({"name": path.name})
 
     async def file(self, request: Request) -> Response:
-        """Return a file of a result as a download."""
+        """Return a file of a result as a download, or without a name the report for a frame."""
         rooms = self.windows.get(request.path_params["key"])
-        path = rooms and rooms.window.files.get(request.path_params["name"])
+        name = request.path_params.get("name")
+        path = rooms and rooms.window.files.get(name or REPORT)
         if path is None:
             return Response(status_code=404)
+        if name is None:  # the report's own policy allows no script
+            return FileResponse(path, media_type="text/html", headers=_FRAMED)
         return FileResponse(path, filename=path.name, media_type="application/octet-stream")
-
-    async def report(self, request: Request) -> Response:
-        """Return the report for a frame of the page; its own policy allows no script."""
-        rooms = self.windows.get(request.path_params["key"])
-        path = rooms and rooms.window.files.get(REPORT)
-        if path is None:
-            return Response(status_code=404)
-        return FileResponse(path, media_type="text/html", headers=_FRAMED)
 
 
 def studio(log: Path | None) -> ASGIApp:

@@ -63,22 +63,14 @@ class Window:
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._alive: set[asyncio.Task[None]] = set()
 
-    async def opened(self) -> None:
-        """Send the page the key with which it may upload a log."""
-        await self._send({"kind": "opened", "key": self.key})
+    async def tell(self, kind: str, **content: str) -> None:
+        """Send the page a message of a kind that its script knows."""
+        await self._send({"kind": kind, **content})
 
     async def show(self, place: str, template: str, **content: Any) -> None:
         """Fill a place of the page with a rendered template."""
         html = fragment(template, window=self.key, **content)
-        await self._send({"kind": "show", "place": place, "html": html})
-
-    async def enter(self, room: str) -> None:
-        """Show a room on the page."""
-        await self._send({"kind": "room", "room": room})
-
-    async def played(self) -> None:
-        """Tell the page that it may request the next run."""
-        await self._send({"kind": "played"})
+        await self.tell("show", place=place, html=html)
 
     async def brief(self, workers: Workers, job: Callable[..., Any], *arguments: Any) -> Any:
         """Run a short job, which is not interrupted if the caller is cancelled."""
@@ -135,7 +127,7 @@ class Rooms:
 
     async def on_open(self, values: object, _target: object) -> None:
         """Open the rooms with the values in an address; each room shows errors in its own."""
-        await self.window.opened()
+        await self.window.tell("opened", key=self.window.key)  # with which it may upload a log
         await self.identify.open(values)
         room = values.get("room") if isinstance(values, Mapping) else None
         if isinstance(values, Mapping) and room == play.ROOM:
@@ -145,6 +137,6 @@ class Rooms:
     async def on_room(self, _values: object, room: object) -> None:
         """Switch to a room."""
         known = play.ROOM if room == play.ROOM else "identify"
-        await self.window.enter(known)
+        await self.window.tell("room", room=known)
         if known == play.ROOM:
             await self.play.enter()
