@@ -89,7 +89,6 @@ class Watch(Answer):
         self._start = 0.0
         self._since_start = 0
         self._pending: list[FloatArray] = []
-        self._n_pending = 0
 
     @property
     def result(self) -> Session:
@@ -154,7 +153,7 @@ class Watch(Answer):
         """Process pending samples together; one call per sample would take ten times as long."""
         if self._pending:
             samples = np.concatenate(self._pending)
-            self._pending, self._n_pending = [], 0
+            self._pending = []
             session.feed(samples)
 
     def feed(
@@ -212,8 +211,7 @@ class Watch(Answer):
         elif count:
             self._start, self._since_start = float(arrays["time"][-1]) + h, 0
         self._pending.append(np.column_stack([arrays[name] for name in self._sampled]))
-        self._n_pending += count
-        if self._n_pending >= _AT_ONCE:
+        if sum(map(len, self._pending)) >= _AT_ONCE:
             self._catch_up(session)
 
     def _begin_fed(self, arrays: Mapping[str, FloatArray]) -> Session:
