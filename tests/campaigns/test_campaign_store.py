@@ -16,9 +16,9 @@ from filelock import FileLock
 from tests.campaigns.tiny import EXPERIMENT, made_manifest, rows_of, same_bits, write_experiment
 
 from flexid.errors import CampaignError, SettingError
-from flexid.experiments import read_experiment
 from flexid.experiments.campaign_runner import run_campaign
 from flexid.experiments.campaign_store import find_store, open_store, summarise
+from flexid.experiments.experiment import read_experiment
 from flexid.experiments.variation import Distribution, Plan, Variation, make_plan
 
 INPUTS = {"controller.k": Distribution(values=[float(k) for k in range(10, 17)])}
@@ -153,7 +153,7 @@ KILLED = """
 import os, signal, sys
 from flexid import files
 from flexid.experiments.campaign_runner import run_campaign
-from flexid.experiments import read_experiment
+from flexid.experiments.experiment import read_experiment
 
 replace, count = os.replace, 0
 

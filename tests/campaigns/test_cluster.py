@@ -12,8 +12,8 @@ from tests.campaigns.tiny import EXPERIMENT, rows_of, same_bits, write_experimen
 
 from flexid.errors import CampaignError, SettingError
 from flexid.experiments import campaign_runner as runner
-from flexid.experiments import read_experiment
 from flexid.experiments.campaign_runner import run_campaign
+from flexid.experiments.experiment import read_experiment
 
 pytest.importorskip("distributed", reason="the package distributed is not installed")
 

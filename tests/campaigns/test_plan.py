@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from tests.campaigns.tiny import EXPERIMENT, write_experiment
 
 from flexid.experiments import campaign_rows as rows_module
-from flexid.experiments import read_experiment
 from flexid.experiments.campaign_rows import Stopped, part_rows
+from flexid.experiments.experiment import read_experiment
 from flexid.experiments.variation import SEED, Distribution, Variation, make_plan
 
 UNIFORM = Distribution(uniform=[10.0, 50.0])

@@ -10,7 +10,7 @@ import pytest
 from tests.campaigns.tiny import EXPERIMENT, write_experiment
 
 import flexid as package
-from flexid.experiments import read_experiment
+from flexid.experiments.experiment import read_experiment
 
 FOLDER = Path(__file__).parents[2] / "experiments"
 TABLE1 = FOLDER / "huang2003.toml"

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexid.experiments import Experiment, read_experiment
+from flexid.experiments.experiment import Experiment, read_experiment
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.sampled import Sampling
 from flexid.studies.runs import table1_loop

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from flexid.experiments import Experiment, read_experiment
+from flexid.experiments.experiment import Experiment, read_experiment
 from flexid.experiments.variation import Distribution, Variation
 from flexid.simulation.closed_loop import loop_kernel
 from flexid.studies.runs import PHYSICAL, table1_loop

@@ -8,7 +8,7 @@ import polars as pl
 
 from flexid.arrays import FloatArray
 from flexid.errors import FlexidError
-from flexid.experiments import Experiment
+from flexid.experiments.experiment import Experiment
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.closed_loop import SIDE_BY_SIDE, loop_kernel
 from flexid.simulation.ensemble import STATUS as STATUS_NAMES

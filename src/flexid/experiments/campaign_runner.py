@@ -15,9 +15,9 @@ import polars as pl
 import flexid
 from flexid.errors import CampaignError, ExperimentError, SettingError
 from flexid.estimators.samples import cores
-from flexid.experiments import Experiment
 from flexid.experiments.campaign_rows import part_rows
 from flexid.experiments.campaign_store import Manifest, open_store
+from flexid.experiments.experiment import Experiment
 from flexid.experiments.variation import Plan, Variation, make_plan
 from flexid.simulation.closed_loop import SIDE_BY_SIDE
 
@@ -114,9 +114,24 @@ _TIMEOUT = 10.0  # s, to reach the scheduler
 def run_on_cluster(experiment: Experiment, parts: Iterable[Part], scheduler: str) -> Iterator[Part]:
     """Run parts on the workers of a Dask scheduler, and yield each when it is finished."""
     client = _connect(scheduler)
+    from distributed import KilledWorker, as_completed
+
     try:
         _check_workers(client, scheduler)
-        yield from _results(client, experiment, parts, scheduler)
+        job = partial(_work, flexid.__version__, experiment)
+        for future in as_completed(client.map(job, list(parts), pure=False), loop=client.loop):
+            yield future.result()
+            future.release()
+    except KilledWorker:
+        raise CampaignError(
+            scheduler,
+            "lost every worker that took one of the parts: check their logs, memory above all; "
+            "the same command continues",
+        ) from None
+    except (CancelledError, OSError):
+        raise CampaignError(
+            scheduler, "was lost: start it and its workers; the same command continues"
+        ) from None
     finally:
         client.close(timeout=_TIMEOUT)  # cancels the remaining parts
 
@@ -165,26 +180,3 @@ def _work(version: str, experiment: Experiment, part: Part) -> Part:
     if flexid.__version__ != version:
         raise _other_version("a worker", version)
     return _rows_of(experiment, part)
-
-
-def _results(
-    client: "Client", experiment: Experiment, parts: Iterable[Part], scheduler: str
-) -> Iterator[Part]:
-    from distributed import KilledWorker, as_completed
-
-    job = partial(_work, flexid.__version__, experiment)
-    futures = client.map(job, list(parts), pure=False)
-    for future in as_completed(futures, loop=client.loop):
-        try:
-            yield future.result()
-        except KilledWorker:
-            raise CampaignError(
-                scheduler,
-                "lost every worker that took one of the parts: check their logs, memory above all; "
-                "the same command continues",
-            ) from None
-        except (CancelledError, OSError):
-            raise CampaignError(
-                scheduler, "was lost: start it and its workers; the same command continues"
-            ) from None
-        future.release()

@@ -23,7 +23,6 @@ from flexid.experiments.tables import (
     ContinuousTables,
     FileModel,
     JointModel,
-    Reference,
     SampledTables,
     Tables,
 )
@@ -133,14 +132,6 @@ def declared_experiment(
 ) -> Experiment:
     """Return the experiment of a file's tables; `like`, from the same file, provides the model."""
     refuse = partial(ExperimentError, path)
-    tables = _checked(content, refuse)
-    system = tables.model.system(Path(path).parent, refuse) if like is None else like.system
-    tables = _completed(tables, system, refuse)
-    loop = _loop(tables, system, refuse, None if like is None else like.loop)
-    return Experiment(path, system, tables, loop, None if like is None else like.variation)
-
-
-def _checked(content: Mapping[str, Any], refuse: RefuseKey) -> Tables:
     schema = SampledTables if "sampling" in content else ContinuousTables
     tables = validated(content, schema, refuse)
     settings = tables.settings
@@ -148,7 +139,10 @@ def _checked(content: Mapping[str, Any], refuse: RefuseKey) -> Tables:
         raise refuse("run.duration", "is shorter than the sample time: lengthen it")
     if settings.duration > _MOST_SAMPLES * settings.sample_time:
         raise refuse("run.duration", f"makes more than {_MOST_SAMPLES} samples: shorten it")
-    return tables
+    system = tables.model.system(Path(path).parent, refuse) if like is None else like.system
+    tables = _completed(tables, system, refuse)
+    loop = _loop(tables, system, refuse, None if like is None else like.loop)
+    return Experiment(path, system, tables, loop, None if like is None else like.variation)
 
 
 def _completed(tables: Tables, system: ParametricSystem, refuse: RefuseKey) -> Tables:
@@ -171,14 +165,18 @@ def _completed(tables: Tables, system: ParametricSystem, refuse: RefuseKey) -> T
 def _loop(
     tables: Tables, system: ParametricSystem, refuse: RefuseKey, like: ClosedLoop | None
 ) -> ClosedLoop:
-    values = _plant(tables, system, refuse)
+    values, wanted = _plant(tables, system, refuse), tables.reference
+    try:
+        reference = _REFERENCES[wanted.kind](**wanted.model_dump(exclude={"kind"}))
+    except ModelError as error:
+        raise refuse("reference", error.reason) from None
     parts = {
         "system": system.with_constants({name: values[name] for name in system.constants}),
         "coefficients": {name: values[name] for name in system.coefficients},
         "observer_gains": tables.observer,
         "initial_estimates": tables.initial_estimates,
         "initial_state": tuple(tables.initial_state.values()),
-        "reference": _reference(tables.reference, refuse),
+        "reference": reference,
         "controller": _LAWS[tables.controller.law](**tables.controller.model_dump(exclude={"law"})),
     }
     if like is not None:
@@ -229,13 +227,6 @@ _REFERENCES: dict[str, Callable[..., Multisine]] = {
     "constant": constant,
 }
 # Argument names equal the keys of the tables.
-
-
-def _reference(table: Reference, refuse: RefuseKey) -> Multisine:
-    try:
-        return _REFERENCES[table.kind](**table.model_dump(exclude={"kind"}))
-    except ModelError as error:
-        raise refuse("reference", error.reason) from None
 
 
 def _leaves(table: Any, path: str = "") -> Iterator[tuple[str, Any]]:

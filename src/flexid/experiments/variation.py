@@ -196,15 +196,12 @@ class Plan:
 def make_plan(variation: Variation, sampled: bool) -> Plan:
     """Plan the runs of a campaign; equal variations give equal plans."""
     inputs = tuple(variation.vary)
-    values = _grid(variation) if variation.kind == "grid" else _draws(variation)
+    if variation.kind == "grid":  # all combinations; the last input changes fastest
+        axes = [np.array(choice.values, dtype=float) for choice in variation.vary.values()]
+        values = np.stack([one.ravel() for one in np.meshgrid(*axes, indexing="ij")], axis=1)
+    else:
+        values = _draws(variation)
     return Plan(inputs, values, variation.seed if sampled and SEED not in inputs else None)
-
-
-def _grid(variation: Variation) -> NDArray[np.float64]:
-    """Return all combinations; the last input changes fastest."""
-    axes = [np.array(choice.values, dtype=float) for choice in variation.vary.values()]
-    mesh = np.meshgrid(*axes, indexing="ij")
-    return np.stack([one.ravel() for one in mesh], axis=1)
 
 
 def _draws(variation: Variation) -> NDArray[np.float64]:

@@ -82,7 +82,7 @@ def simulate(
         Values that replace numbers of the file, by dotted path. For example
         ``{"controller.k": 30.0}``.
     """
-    from flexid.experiments import read_experiment
+    from flexid.experiments.experiment import read_experiment
 
     chosen = read_experiment(Path(experiment)).with_values(set or {})
     return SimulatedRun(chosen, chosen.run())
@@ -139,9 +139,9 @@ def campaign(
     progress : callable, optional
         Called with the number of runs whose rows are stored, and the number of all runs.
     """
-    from flexid.experiments import read_experiment
     from flexid.experiments.campaign_runner import run_campaign
     from flexid.experiments.campaign_store import summarise
+    from flexid.experiments.experiment import read_experiment
 
     given = {"experiment": experiment, "out": out, "workers": workers, "scheduler": scheduler}
     chosen = [name for name, value in given.items() if value is not None]
