@@ -4,7 +4,7 @@ import os
 import shlex
 import sys
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from textwrap import fill
@@ -223,16 +223,12 @@ def run() -> ExitStatus:
 
             traceback.print_exc()
         else:
-            click.echo(defect_message(error, sys.argv[1:]), err=True)
+            again = shlex.join(["flexid", "--debug", *sys.argv[1:]])
+            message = (
+                f"flexid: this is a defect of flexid {__version__}, not of your input: "
+                f"{type(error).__name__} ({str(error) or 'without a message'}). Please report it "
+                f"where you got flexid from, with what this prints: {again}"
+            )
+            wrapped = fill(message, 80, break_long_words=False, break_on_hyphens=False)
+            click.echo(wrapped, err=True)
         return ExitStatus.DEFECT
-
-
-def defect_message(error: Exception, arguments: Sequence[str]) -> str:
-    """Return one paragraph on what happened, and how to report it."""
-    again = shlex.join(["flexid", "--debug", *arguments])
-    message = (
-        f"flexid: this is a defect of flexid {__version__}, not of your input: "
-        f"{type(error).__name__} ({str(error) or 'without a message'}). Please report it where you "
-        f"got flexid from, with what this prints: {again}"
-    )
-    return fill(message, 80, break_long_words=False, break_on_hyphens=False)

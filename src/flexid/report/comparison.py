@@ -29,26 +29,21 @@ def parts(comparison: Comparison) -> Iterator[Part]:
     for side, label in zip("AB", comparison.labels, strict=True):
         yield f"{side}: {label}"
     yield ""
+    columns = (Column("name"), *numbers("A", "B", "B - A, 95 % interval"), Column("verdict"))
     for title, differences in (
         (PARAMETERS, comparison.parameters),
         (COEFFICIENTS, comparison.coefficients),
     ):
         if differences:
-            yield differences_table(title, differences)
+            table = Table(title, columns)
+            for d in differences.values():
+                a, b = (value_texts(v.value, *v.interval)[0] if v else "none" for v in (d.a, d.b))
+                interval = "{1} {2}".format(*_change(d)) if d.compared else ""
+                table.add(d.name, a, b, interval, outcome_text(d))
+            yield table
             yield from (f"  {line}" for line in remarks(differences))
             yield ""
     yield from comparison_summary(comparison)
-
-
-def differences_table(title: str, differences: Mapping[str, Difference]) -> Table:
-    """Return both values of each number, their difference, and the verdict on it."""
-    columns = (Column("name"), *numbers("A", "B", "B - A, 95 % interval"), Column("verdict"))
-    table = Table(title, columns)
-    for d in differences.values():
-        a, b = (value_texts(v.value, *v.interval)[0] if v else "none" for v in (d.a, d.b))
-        interval = "{1} {2}".format(*_change(d)) if d.compared else ""
-        table.add(d.name, a, b, interval, outcome_text(d))
-    return table
 
 
 def remarks(differences: Mapping[str, Difference]) -> Iterator[str]:

@@ -233,7 +233,13 @@ def validate_arm(
                 f"is in {', '.join(log.input_units)}, and {estimate.name} was made with inputs in "
                 f"{', '.join(stored.input_units)}: give logs of the same inputs",
             )
-    logged = arm_data(_long_enough(logs), logs[0].relative_to)
+    every = [own for log in logs for own in log.recordings]
+    long = [own for own in every if len(own) >= round(HEAD / own.sample_time) + FEWEST_SAMPLES]
+    if not long:
+        raise RecordingError(
+            logs[0].source, "", f"has no recording longer than {HEAD:g} s: record longer"
+        )
+    logged = arm_data(long, logs[0].relative_to)
     data = without_log_lag(logged, stored.log_lag)
     arm = ElasticArm(planar_arm(stored.arm))
     delays = {f"{row}{DELAY}": delay for row, delay in stored.encoder_delays.items()}
@@ -241,14 +247,3 @@ def validate_arm(
     structure = Structure(arm, frozenset(), Timing(stored.hold, delays), stored.fixed)
     doubts = cautions(Rank.MODEL, [*common_doubts(stored, stored.parameters, logs)])
     return _predicted(estimate, structure, stored.fit.by_name, data, logs, doubts)
-
-
-def _long_enough(logs: Sequence[ArmLog]) -> list[Samples]:
-    """Return the recordings that are long enough for a prediction; raise without any."""
-    every = [own for log in logs for own in log.recordings]
-    found = [own for own in every if len(own) >= round(HEAD / own.sample_time) + FEWEST_SAMPLES]
-    if not found:
-        raise RecordingError(
-            logs[0].source, "", f"has no recording longer than {HEAD:g} s: record longer"
-        )
-    return found
