@@ -13,19 +13,13 @@ from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib import ticker
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
-from matplotlib.ticker import (
-    FuncFormatter,
-    LogFormatter,
-    MaxNLocator,
-    MultipleLocator,
-    ScalarFormatter,
-)
 
 from flexid.errors import SettingError
 from flexid.report.chart import Axis, Band, Chart, Colour, Dash, Line, Mark, Panel, thinned
@@ -215,12 +209,12 @@ def _set_axis(ax: Axes, which: Literal["x", "y"], axis: Axis, labels: int) -> No
     limits = axis.limits
     if axis.logarithmic:
         ax.set(**{f"{which}scale": "log"})
-        ruler.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        ruler.set_minor_formatter(LogFormatter(minor_thresholds=(1, 0.5)))
+        ruler.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+        ruler.set_minor_formatter(ticker.LogFormatter(minor_thresholds=(1, 0.5)))
     else:
-        several = MaxNLocator(labels, steps=[1, 2, 2.5, 5, 10])
-        ruler.set_major_locator(several if axis.step is None else MultipleLocator(axis.step))
-        ruler.set_major_formatter(ScalarFormatter(useOffset=False))
+        several = ticker.MaxNLocator(labels, steps=[1, 2, 2.5, 5, 10])
+        ruler.set_major_locator(several if axis.step is None else ticker.MultipleLocator(axis.step))
+        ruler.set_major_formatter(ticker.ScalarFormatter(useOffset=False))
     if limits is not None:
         ax.set(**{f"{which}lim": limits})
 

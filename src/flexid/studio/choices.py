@@ -14,17 +14,7 @@ from flexid.errors import SettingError, one_of
 from flexid.models.flexible_joint import RIGID_TERMS, SHAPE_TERMS, TERMS
 from flexid.paper.loop import Multisine
 from flexid.recording.recording import SI_UNITS
-from flexid.studies.runs import (
-    AMPLITUDE,
-    ATTENUATION,
-    FREQUENCY,
-    MEANINGS,
-    OBSERVER_GAIN,
-    PHYSICAL,
-    SIMULATED,
-    reading_name,
-    table1_loop,
-)
+from flexid.studies import runs
 
 if TYPE_CHECKING:
     from flexid.simulation.closed_loop import ClosedLoop
@@ -150,7 +140,7 @@ def _terms(text: str) -> tuple[str, ...]:
     return tuple(name for name in ALL_TERMS if name in names)  # in a fixed order
 
 
-READINGS = {reading_name(exponents): MEANINGS[exponents] for exponents in SIMULATED}
+READINGS = {runs.reading_name(exponents): runs.MEANINGS[exponents] for exponents in runs.SIMULATED}
 """Readings of the printed gains whose loop stays bounded, with their meanings."""
 
 
@@ -176,10 +166,10 @@ SLIDERS = (
     Slider("motor_inertia", "motor inertia", "kg m²", _PLANT, 0.05, 2, 0.3),
     Slider("gravity_torque", "gravity torque", "N m", _PLANT, 0, 20, 5, logarithmic=False),
     Slider("motor_viscous_friction", "motor friction", "N m s/rad", _PLANT, 0, 2, 0.1, False),
-    Slider("k", "attenuation k", "1/s", _GAINS, 5, 200, ATTENUATION),
-    Slider("c", "observer gain c", "", _GAINS, 0.01, 100, OBSERVER_GAIN),
-    Slider("amplitude", "amplitude", "rad", _REFERENCE, 0.1, 10, AMPLITUDE),
-    Slider("frequency", "frequency", "rad/s", _REFERENCE, 0.5, 20, FREQUENCY),
+    Slider("k", "attenuation k", "1/s", _GAINS, 5, 200, runs.ATTENUATION),
+    Slider("c", "observer gain c", "", _GAINS, 0.01, 100, runs.OBSERVER_GAIN),
+    Slider("amplitude", "amplitude", "rad", _REFERENCE, 0.1, 10, runs.AMPLITUDE),
+    Slider("frequency", "frequency", "rad/s", _REFERENCE, 0.5, 20, runs.FREQUENCY),
     Slider("sample_time", "sample time", "s", _DRIVE, 2e-4, 1e-2, 1e-3),
     Slider("noise", "encoder noise", "rad", _DRIVE, 1e-7, 1e-2, 1e-6),
     Slider("torque_limit", "torque limit", "N m", _DRIVE, 10, 1e6, 1e6),
@@ -204,12 +194,12 @@ class PlayChoices:
         """Closed loop of the paper with these values."""
         v = self.values
         a, b, c = map(int, self.reading.split(","))
-        return table1_loop(
+        return runs.table1_loop(
             (a, b, c),
             v["k"],
             Multisine((v["amplitude"],), (v["frequency"],)),
             (v["c"], v["c"]),
-            physical={name: v[name] for name in PHYSICAL},
+            physical={name: v[name] for name in runs.PHYSICAL},
         )
 
     @property
