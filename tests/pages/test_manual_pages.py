@@ -1,12 +1,11 @@
 """All blocks of code in README and documentation run, with the output shown."""
 
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from page_blocks import PAGES, ROOT, blocks, page_name
+from page_blocks import PAGES, blocks, page_name
 from run_page import run_page
 
 NEEDED = {"docs/export.md": "gcc"}  # programs used by a page that may be missing
@@ -22,22 +21,6 @@ def test_page_runs(page: Path, tmp_path: Path) -> None:
     if program is not None and shutil.which(program) is None:
         pytest.skip(f"{program} is not installed")
     run_page(page_name(page), blocks(page.read_text(encoding="utf-8")), tmp_path)
-
-
-NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=page_name)
-def test_notebook_runs(notebook: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Assert that the cells of a notebook run in order."""
-    monkeypatch.chdir(notebook.parent)
-    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
-    code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
-    names: dict[str, object] = {}
-    for cell in code:
-        exec(cell, names)
-    assert len(code) > 1
 
 
 def test_blocks_that_are_not_run(golden: Callable[[dict[str, str]], None]) -> None:
