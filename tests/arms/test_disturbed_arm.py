@@ -12,10 +12,10 @@ import pytest
 from benchmarks.arms.arm import Arm, mjcf
 from benchmarks.arms.log import Motion, simulate
 from test_identify_arm import MADE
-from two_links import ARM, TRUTH
+from two_links import ARM
 
 import flexid.arms.fitting as fitting
-from flexid.arms.disturbed import DisturbedFit, Job, as_physical, fit_disturbed
+from flexid.arms.disturbed import DisturbedFit, Job, fit_disturbed
 from flexid.arms.doubts import (
     changes_by_play,
     input_noise,
@@ -131,26 +131,6 @@ def test_an_observer_predicts_the_deflections():
     found, periods = disturbed().predicted()
     assert min(found.horizons[0.2][f"link_position_{joint}"] for joint in (1, 2)) > 50.0
     assert min(periods.values()) > 50.0
-
-
-def test_a_physical_start_moves_a_stiff_joint_as_before():
-    """Assert that a start made physical for a rigid joint leaves its equations unchanged."""
-    balance = planar_arm(ARM)
-    values = {**dict.fromkeys(balance.coefficients, 0.0), **TRUTH}
-    values |= {"rotor_coupling_2": -0.03, "link_viscous_friction_2": 0.3, "joint_damping_2": 0.0}
-    rng = np.random.default_rng(1)
-    signals = rng.standard_normal((20, 4, 3))
-    signals[:, 3] = signals[:, 2]  # motor 2 moves as link 2
-    columns = balance_columns(balance, signals, rng.standard_normal((20, 2)))
-    moved = as_physical(balance, values)
-    kept = {name: values[name] for name in values if name.endswith("friction_1")}
-    before, after = (
-        columns @ np.array([each[name] for name in balance.coefficients])
-        for each in (values, {**moved, **kept})
-    )
-    assert moved["rotor_coupling_2"] == 0.0
-    assert after[:, 0] == pytest.approx(before[:, 0])
-    assert after[:, 2] + after[:, 3] == pytest.approx(before[:, 2] + before[:, 3])
 
 
 def test_no_start_drives_itself():
