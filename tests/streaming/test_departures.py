@@ -122,25 +122,20 @@ def test_what_a_stream_is_not_corrected_by_is_warned_of(result):
     assert "send the input that reaches the motor" in warning
 
 
-def test_what_is_known_exactly_is_not_sought():
-    """Assert that a known inertia fixes its coefficient, and narrows other intervals."""
-    free, fixed = (
-        watched(stream(), replace(OPTIONS, known=known)) for known in ({}, {"motor_inertia": 0.3})
-    )
+def test_what_is_known_narrows():
+    """Assert that a known inertia, exact or with a standard error, narrows other intervals."""
+    free, fixed, nearly = (
+        watched(stream(), replace(OPTIONS, known=known, known_deviations=deviations))
+        for known, deviations in (
+            ({}, {}), ({"motor_inertia": 0.3}, {}), ({"link_inertia": 1.0}, {"link_inertia": 1e-4})
+        )
+    )  # fmt: skip
     assert fixed.options.given == {"beta1": pytest.approx(1.0 / 0.3)}
     assert fixed.coefficients["beta1"].std == 0.0
-    widths = [np.diff(s.parameters["joint_stiffness"].interval)[0] for s in (free, fixed)]
-    assert widths[1] < 0.8 * widths[0]
     assert fixed.health.health is Health.CONVERGED
-
-
-def test_what_is_nearly_known_narrows():
-    """Assert that prior knowledge with a standard error narrows intervals."""
-    short = stream(4.0)
-    known = replace(OPTIONS, known={"link_inertia": 1.0}, known_deviations={"link_inertia": 1e-4})
-    free, nearly = watched(short), watched(short, known)
-    widths = [np.diff(s.parameters["link_inertia"].interval)[0] for s in (free, nearly)]
-    assert widths[1] < 0.5 * widths[0]
+    for session, name, share in ((fixed, "joint_stiffness", 0.8), (nearly, "link_inertia", 0.5)):
+        widths = [np.diff(s.parameters[name].interval)[0] for s in (free, session)]
+        assert widths[1] < share * widths[0]
     low, high = nearly.parameters["joint_stiffness"].interval
     assert low < 100.0 < high
 

@@ -74,12 +74,6 @@ def test_a_file_that_is_another_is_refused(
         next(source)
 
 
-def test_a_file_that_ends(log: Path):
-    """Assert that the end of a file ends the source if requested."""
-    source = open_source(str(log), stop_at_end=True)
-    assert [*source] == LINES[:1]
-
-
 def test_a_last_line_without_an_end(tmp_path: Path):
     """Assert that an incomplete last line is omitted, with a warning."""
     samples, log = stream(3.0), tmp_path / "log.csv"

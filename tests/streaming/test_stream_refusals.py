@@ -82,7 +82,7 @@ def test_streams_that_are_refused(
     pl.DataFrame({"time": [0.0, 1.0], "motor_position": [0.0, 1.0]}).write_parquet("log.parquet")
     headed = Watch("log.parquet", CHOSEN, header="time")
     long = TextStream("stream", fewest=4)
-    long.samples(GOOD + b"1" * 1_000_001)
+    assert len(long.samples(GOOD + b"1" * 1_000_001)) == len(ROWS)
     refusals(
         SETTINGS
         | {n: partial(TextStream("stream").samples, raw, ended=True) for n, raw in STREAMS.items()}

@@ -121,14 +121,6 @@ def test_names_of_its_own_count():
     np.testing.assert_array_equal(found, samples_of(text))
 
 
-def test_a_line_without_an_end():
-    """Assert that memory is bounded for an endless line, and that earlier lines are read."""
-    stream = TextStream("stream", fewest=4)
-    lines = b"time,motor_position,motor_torque\n0,0,1\n1,0,2\n2,0,3\n"
-    samples = stream.samples(lines + b"1" * 1_000_001)
-    assert samples.tolist() == [[0.0, 0.0, 1.0], [1.0, 0.0, 2.0], [2.0, 0.0, 3.0]]
-
-
 def test_sample_time():
     """Assert that gaps, repeats and late samples at the start do not change the sample time."""
     time = np.delete(1e-3 * np.arange(200, dtype=np.float64), [20, 21, 22])
