@@ -139,7 +139,8 @@ def test_an_interruption_while_the_commands_are_loaded(loading: str):
 @pytest.mark.skipif(os.name != "posix", reason="pipes that close")
 def test_a_reader_that_has_seen_enough_is_no_error():
     """Assert that the exit status is unchanged if the reader closes the pipe."""
-    with start("reproduce") as process:
+    run = ("simulate", "experiments/huang2003.toml", "--set", "run.duration=1")
+    with start(*run) as process:
         assert process.stdout is not None
         assert process.stderr is not None
         process.stdout.close()

@@ -28,11 +28,10 @@ Builder = Callable[[ParametricSystem, Hold], OnlineEstimator]
 Estimator = Callable[..., dict[str, float]]
 
 
-def oscillator(names: Sequence[str] = (*TRUE,), known: float | None = None) -> ParametricSystem:
-    """Return the oscillator with coefficients in this order; a known gain makes the input known."""
-    regressors = {name: REGRESSORS[name] for name in names if known is None or name != "gain"}
-    part = "0" if known is None else f"{known}*u"
-    return ParametricSystem("oscillator", (Row("mass", "q", "v", regressors, part),))
+def oscillator(names: Sequence[str] = (*TRUE,)) -> ParametricSystem:
+    """Return the oscillator with coefficients in this order."""
+    regressors = {name: REGRESSORS[name] for name in names}
+    return ParametricSystem("oscillator", (Row("mass", "q", "v", regressors),))
 
 
 def oscillation(

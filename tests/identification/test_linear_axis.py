@@ -67,16 +67,13 @@ def test_an_axis_is_found_in_its_own_units(axis):
     assert not any(unit in text for unit in ("rad ", "rad,", "N m ", "kg m^2", "gravity"))
 
 
-@pytest.mark.parametrize(
-    ("unit", "factor"), [("mm", 1e3), ("m", 1e-4), ("m", 1e4)], ids=["mm", "small", "large"]
-)
-def test_no_length_is_built_in(axis, unit, factor):
-    """Assert that a change of units, or a scale of 10⁴, changes the estimate by its scale only."""
-    other = flexid.identify(log_of(unit, factor=factor))
-    size = factor if unit == "m" else 1.0
+@pytest.mark.parametrize("factor", [1e-4, 1e4])
+def test_no_length_is_built_in(axis, factor):
+    """Assert that a scale of 10⁴ changes the estimate by its scale only."""
+    other = flexid.identify(log_of(factor=factor))
     assert other.terms == axis.terms
     for name, p in axis.parameters.items():
-        expected = p.value / (1.0 if p.unit == "N" else size)
+        expected = p.value / (1.0 if p.unit == "N" else factor)
         half = 0.3 * p.half_width * expected / p.value
         assert other.parameters[name].value == pytest.approx(expected, abs=half)
 
