@@ -301,7 +301,7 @@ ENGINE_TRUTH = {
 
 def test_every_parameter_is_determined():
     """Assert that all parameters are within 0.3 %, with intervals that contain the truth."""
-    arm, motion = Arm((ENGINE_LINK,), (9.81, 0.0)), Motion(30.0, bits=14, noise=0.0)
+    arm, motion = Arm((ENGINE_LINK,), (9.81, 0.0)), Motion(12.0, bits=14, noise=0.0)
     run = simulate(arm, motion, np.random.default_rng(0))
     columns = (column[:, 0].copy() for column in (run.link, run.motor, run.torque))
     result = identify([log(recording(run.time, *columns))])

@@ -235,7 +235,7 @@ def of(
 ) -> ValueEstimate:
     """Return a physical parameter of a fit to the true values, which are exact outside it."""
     (own,) = (p for p in physical_parameters(NAMES, input_is_torque=True) if p.name == name)
-    values = dict(zip(NAMES, TABLE_1.tolist(), strict=True))
+    values: dict[str, float] = dict(zip(NAMES, TABLE_1.tolist(), strict=True))
     fit = Estimate(fitted, TABLE_1[: len(fitted)], covariance, freedom)
     return judged_function(own, values, fit)
 
