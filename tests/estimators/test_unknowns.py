@@ -15,6 +15,7 @@ from flexid.estimators.state_variable_filter import (
     filtered_signals,
 )
 from flexid.estimators.unknowns import Unknowns, bounded_fit
+from flexid.identification.preparation.joint import flexible
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row
 
@@ -46,14 +47,14 @@ def test_names_and_coefficients_of_a_recording():
 GIVEN = {"beta1": TRUTH["beta1"], "theta1": TRUTH["theta1"]}
 
 
-@pytest.mark.parametrize("batch", [by_filter, by_motion])
 @pytest.mark.parametrize(
-    ("part", "small"),
+    ("batch", "part", "small"),
     [
-        (Unknowns(JOINT, GIVEN), Unknowns(flexible_joint(known=GIVEN))),
-        (Unknowns(MORE, OFF), Unknowns(JOINT)),
+        (by_filter, Unknowns(JOINT, GIVEN), Unknowns(flexible_joint(known=GIVEN))),
+        (by_motion, Unknowns(JOINT, GIVEN), Unknowns(flexible_joint(known=GIVEN))),
+        (by_filter, Unknowns(MORE, OFF), Unknowns(JOINT)),
     ],
-    ids=["given", "off"],
+    ids=["given", "given, in motion", "off"],
 )
 def test_what_is_fixed_leaves_the_smaller_model(batch, part, small):
     """Assert that a fixed coefficient gives the fit of the model that knows or omits it."""
@@ -65,8 +66,13 @@ def test_what_is_fixed_leaves_the_smaller_model(batch, part, small):
     assert found.information.shape == (len(small.names),) * 2
 
 
-DAMPED = flexible_joint(("gravity", "motor_viscous", "joint_damping"))
-TIED = Unknowns(DAMPED, tied={"theta_damping": ("alpha_damping", "theta2", "alpha1")})
+DAMPED = flexible().system
+ABSENT = {*DAMPED.coefficients} - {*TRUTH, "theta_damping", "alpha_damping"}
+TIED = Unknowns(
+    DAMPED,
+    dict.fromkeys(ABSENT, 0.0),
+    tied={"theta_damping": ("alpha_damping", "theta2", "alpha1")},
+)
 
 
 @pytest.mark.parametrize("fixed", [{}, {"alpha1": 300.0}, {"alpha_damping": 0.4}])

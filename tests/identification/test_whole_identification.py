@@ -291,8 +291,8 @@ def test_speeds_will_do_where_no_position_was_measured(position):
     times = SAMPLE_TIME * np.arange(3000)
     tones = 2.0 * np.pi * np.geomspace(0.2, 4.0, 9)
     torque = 4.0 * np.sin(np.outer(times, tones) + tones).sum(axis=1)
-    joint = flexible_joint(("motor_viscous",))
-    states = free_run(joint, COEFFICIENTS, np.zeros(4), torque[:, None], SAMPLE_TIME)
+    free = {**COEFFICIENTS, "theta1": 0.0}
+    states = free_run(flexible_joint(), free, np.zeros(4), torque[:, None], SAMPLE_TIME)
     channels = {"time": times, "motor_torque": torque, "motor_position": states[:, 2]}
     channels |= {f"{n}_velocity": states[:, k].round(3) for n, k in (("link", 1), ("motor", 3))}
     if not position:
@@ -310,9 +310,8 @@ def test_a_clamped_link_leaves_the_motor_and_the_spring():
     times = SAMPLE_TIME * np.arange(3000)
     tones = 2.0 * np.pi * np.geomspace(0.2, 6.0, 9)
     torque = np.sin(np.outer(times, tones) + tones).sum(axis=1)
-    joint = flexible_joint(("motor_viscous",))
-    held = {**COEFFICIENTS, "theta2": 0.0}
-    states = free_run(joint, held, np.zeros(4), torque[:, None], SAMPLE_TIME)
+    held = {**COEFFICIENTS, "theta1": 0.0, "theta2": 0.0}
+    states = free_run(flexible_joint(), held, np.zeros(4), torque[:, None], SAMPLE_TIME)
     noise = 1e-5 * np.random.default_rng(3).standard_normal(len(times))
     channels = {"time": times, "motor_torque": torque, "motor_position": states[:, 2] + noise}
     result = identify([log_of_table(table_of_arrays(channels), {"link_position": 0.0})])

@@ -32,12 +32,21 @@ def test_both_holds_agree_with_scipy(hold, other):
     assert np.max(np.abs(wrong - expected)) > 1e-2
 
 
+FORCES = {"stiffness": "-q", "drag": "-v", "lossy": "-v*sign(v)"}
+FORCES["coulomb"] = "-sign(v)*(1 + exp(-v**2))"
+CART = ParametricSystem("cart", (Row("cart", "q", "v", FORCES, known="u"),))
+
+
+def moved(start: list[float], force: np.ndarray, sample_time: float, **acting: float) -> np.ndarray:
+    """Return the motion of a cart on which these forces act; one kernel serves all of them."""
+    return free_run(CART, dict.fromkeys(FORCES, 0.0) | acting, start, force, sample_time)
+
+
 def test_convergence_is_of_fourth_order():
     """Assert that halving the sample time divides the error by sixteen."""
-    oscillator = ParametricSystem("oscillator", (Row("mass", "q", "v", {"stiffness": "-q"}),))
     errors = []
     for n in (20, 40, 80):  # short steps without substeps
-        x = free_run(oscillator, {"stiffness": 1.0}, [1.0, 0.0], np.zeros(n + 1), 1 / n)
+        x = moved([1.0, 0.0], np.zeros(n + 1), 1 / n, stiffness=1.0)
         errors.append(abs(x[-1, 0] - np.cos(1.0)))
     slopes = np.diff(np.log2(errors))
     np.testing.assert_allclose(slopes, -4, atol=0.25)
@@ -45,28 +54,23 @@ def test_convergence_is_of_fourth_order():
 
 def test_fast_poles():
     """Assert that a pole beyond the sampling is integrated, and that an absurd one is refused."""
-    cart = ParametricSystem("cart", (Row("cart", "q", "v", {"drag": "-v"}, known="u"),))
-    x = free_run(cart, {"drag": 5000.0}, [0.0, 1.0], np.ones(200), 1e-2)
+    x = moved([0.0, 1.0], np.ones(200), 1e-2, drag=5000.0)
     assert x[-1, 1] == pytest.approx(1 / 5000.0, rel=1e-6)
     with pytest.raises(SimulationError, match="too fast"):
-        free_run(cart, {"drag": 1e12}, [0.0, 1.0], np.ones(200), 1e-2)
+        moved([0.0, 1.0], np.ones(200), 1e-2, drag=1e12)
 
 
 def test_dry_friction_is_refused():
     """Assert that dry friction is refused unless its coefficient is zero."""
-    dry = {"drag": "-v", "coulomb": "-sign(v)*(1 + exp(-v**2))", "lossy": "-v*sign(v)"}
-    cart = ParametricSystem("cart", (Row("cart", "q", "v", dry, known="u"),))
-    values = {"drag": 1.0, "coulomb": 0.5, "lossy": 0.5}
     for start in (0.0, 1.0):
         with pytest.raises(SimulationError, match=r"row 1 jumps .* tanh\(v/0\.01\)"):
-            free_run(cart, values, [0.0, start], np.ones(20), 1e-2)
-    x = free_run(cart, {**values, "coulomb": 0.0}, [0.0, 1.0], np.ones(2000), 1e-2)
+            moved([0.0, start], np.ones(20), 1e-2, drag=1.0, coulomb=0.5, lossy=0.5)
+    x = moved([0.0, 1.0], np.ones(2000), 1e-2, drag=1.0, lossy=0.5)
     assert x[-1, 1] == pytest.approx(2.0 / 3.0, rel=1e-6)  # v + v/2 = 1
 
 
 def test_divergence_is_said():
     """Assert that an unstable model raises an error with the time instead of infinities."""
-    unstable = ParametricSystem("unstable", (Row("mass", "q", "v", {"k": "q"}),))
     with pytest.raises(SimulationError, match="diverges") as caught:
-        free_run(unstable, {"k": 100.0}, [1.0, 0.0], np.zeros(10_001), 1e-2)
+        moved([1.0, 0.0], np.zeros(10_001), 1e-2, stiffness=-100.0)
     assert 0 < caught.value.time < 10
