@@ -98,8 +98,8 @@ def response(plant, draft, frequency):
     size = 0.01 * (inertia * frequency**2 + plant.gravity_torque)
     times = np.arange(0.0, 24.0 * np.pi / frequency, 2e-3)
     grid = np.exp(1j * frequency * times)
-    nothing = np.zeros((len(times), 3))
-    run = simulate(plant, times, size * grid.imag, Law(), nothing, nothing[:, 1:], 0.0, STEP)
+    course, pushes = np.zeros((len(times), 3)), np.zeros((len(times), 2))
+    run = simulate(plant, times, size * grid.imag, Law(), course, pushes, 0.0, STEP)
     late = times > 16.0 * np.pi / frequency
     basis = np.column_stack((grid.real, grid.imag, np.ones(len(times)), times))[late]
     found = np.linalg.lstsq(basis, run[late])[0]

@@ -132,8 +132,9 @@ def pushed(
     pushes *= [link_push, _INERTIA * motor_push]
     pushes[:, 1] += torque
     plant = Plant(1.0, _INERTIA, 150.0, motor_viscous=0.9, **more)
-    none = np.zeros((len(times), 3))
-    states = simulate_plant(plant, times, none[:, 0], Law(), none, pushes, 0.0, _FINE_STEP)[::4]
+    # Contiguous arrays, since another layout is another kernel.
+    held, course = np.zeros(len(times)), np.zeros((len(times), 3))
+    states = simulate_plant(plant, times, held, Law(), course, pushes, 0.0, _FINE_STEP)[::4]
     noisy = states[:, [0, 2]] + FINE_NOISE * rng.standard_normal((len(states), 2))
     link, motor = noisy[::every].T
     return recording(times[::4][::every], link, motor, torque[::4][::every], seed)

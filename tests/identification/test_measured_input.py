@@ -196,8 +196,8 @@ def recorded(
         held = STICKING * np.sign(np.sin(np.pi * times / REST + 0.3))
         command = np.where(times % (2.0 * REST) < REST, 0.4 * command, held)
     plant = PLANT._replace(dead_zone=dead_zone, saturation=limit - dead_zone)
-    nothing = np.zeros((len(times), 3))
-    run = simulate(plant, times, command, Law(), nothing, nothing[:, 1:], 0.0, 5e-4)
+    course, pushes = np.zeros((len(times), 3)), np.zeros((len(times), 2))
+    run = simulate(plant, times, command, Law(), course, pushes, 0.0, 5e-4)
     link, motor = run[:, 0], run[:, 2]
     errors = ENCODER_NOISE * rng.standard_normal((2, len(times)))
     return Recording(STEP, 0.0, link + errors[0], motor + errors[1], command, unit, source="made")

@@ -66,7 +66,7 @@ def test_what_widens():
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize(
     ("more", "missed"),
-    [({"half_gap": 0.003}, 2.0), ({"ripple_torque": 0.5, "ripple_number": 10}, 0)],
+    [({"half_gap": 0.003}, 2.0), ({"ripple_torque": 0.5, "ripple_number": 10.0}, 0)],
 )
 def test_what_no_term_describes_widens(more: dict[str, float], missed: float, seed: int):
     """Assert that a gap of 6 mrad and a ripple are detected, and that their bias is covered."""
