@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from browser import browser  # noqa: F401 - a fixture
 
@@ -44,8 +45,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure() -> None:
-    """Collect garbage less often, since compilation creates many lasting objects."""
+    """Draw the same examples on any machine, and collect compiled code as garbage less often."""
     logging.getLogger("flexid.kernels").setLevel(logging.WARNING)  # caches differ
+    slow = [HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
+    settings.register_profile("tests", deadline=None, derandomize=True, suppress_health_check=slow)
+    settings.load_profile("tests")
     gc.set_threshold(100_000, 20, 20)
 
 

@@ -83,6 +83,13 @@ def test_errors_of_a_fit_are_as_predicted(designed, tmp_path):
     np.testing.assert_allclose(scatter / predicted, 1.0, atol=0.4)
 
 
+@pytest.fixture
+def _one_start(monkeypatch):
+    """Let a search begin once, for tests of a command."""
+    monkeypatch.setattr("flexid.experiment_design.design.STARTS", 1)
+
+
+@pytest.mark.usefixtures("_one_start")
 def test_command_writes_what_it_promises(flexid, tiny_drive, tmp_path):
     """Assert that the command prints within the page and writes files, which depend on the seed."""
     outcome = flexid("design", tiny_drive, "--out", tmp_path)
@@ -110,6 +117,7 @@ def test_limits_that_leave_nothing(flexid, tiny_drive, tmp_path):
     assert len(outcome.stderr.strip().splitlines()) == 1
 
 
+@pytest.mark.usefixtures("_one_start")
 def test_a_drive_too_small_to_tell(flexid, tiny_drive, tmp_path):
     """Assert that a design that does not determine every coefficient exits with 1."""
     text = tiny_drive.read_text().replace("position_noise = 1e-4", "position_noise = 0.3")

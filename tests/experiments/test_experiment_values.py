@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -100,9 +100,7 @@ def test_digest_covers_what_decides(path: str, table1: Experiment, tmp_path: Pat
     assert read_experiment(copy).digest == table1.digest
 
 
-@settings(
-    suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=20
-)
+@settings(max_examples=20)
 @given(
     amplitudes=st.lists(st.floats(1e-3, 1.0), min_size=3, max_size=3),
     inertia=st.floats(1e-3, 1e3),

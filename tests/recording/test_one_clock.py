@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from joint_log import refused
 
@@ -125,7 +125,6 @@ def test_clocks_that_cannot_be_used(times: FloatArray, values: FloatArray, words
     assert words in refused(joined, times, values)
 
 
-@settings(deadline=None, max_examples=100, derandomize=True)
 @given(st.data())
 def test_any_clocks(data: st.DataObject):
     """Assert that any increasing clocks give common times and finite values, or a refusal."""

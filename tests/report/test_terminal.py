@@ -17,7 +17,7 @@ ANY = st.floats(allow_nan=False, allow_infinity=False)
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*(?:e[-+]?\d+)?|inf|nan)")
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=200)
 @given(
     rows=st.lists(st.lists(ANY, min_size=6, max_size=6), min_size=1, max_size=5),
     width=st.integers(40, 200),
@@ -32,7 +32,7 @@ def test_every_number_is_whole_at_every_width(rows, width):
         assert {number(value, 8) for value in row} <= printed
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=200)
 @given(value=ANY, ends=st.tuples(ANY, ANY))
 def test_digits_keep_the_value_within_its_width(value, ends):
     """Assert a rounding error below the interval's width, and a short text."""
@@ -45,7 +45,7 @@ def test_digits_keep_the_value_within_its_width(value, ends):
             assert abs(float(text) - number_) <= max(allowed, 0.6 * abs(number_))
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60)
 @given(value=USUAL, ends=st.tuples(USUAL, USUAL))
 def test_an_identification_fits_80_columns(value, ends):
     """Assert that usual values of a parameter fit the table of 80 columns uncut."""

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from moving_joint import LINK, MOTOR, OPTIONS, TORQUE, H, same, stream, watched
@@ -13,9 +13,7 @@ from flexid.streaming.health import Health
 from flexid.streaming.options import WatchOptions
 from flexid.streaming.session import Session
 
-FEW = settings(
-    max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
-)
+FEW = settings(max_examples=25)
 
 
 KINDS = {
