@@ -135,7 +135,7 @@ def test_what_is_known_shifts_and_bounds(clean, alone):
     assert (alpha2.value, alpha2.std, alpha2.reason) == (least, 0.0, "at its bound")
 
 
-STIFF = made(1, 3.0, joint_stiffness=1e6)  # the encoders hardly show its deflection
+STIFF = made(1, 2.0, joint_stiffness=1e6)  # the encoders hardly show its deflection
 
 
 def test_a_joint_too_stiff_for_its_log_is_taken_as_rigid():
