@@ -16,7 +16,7 @@ from flexid.estimators.cluster_covariance import (
     shrunken,
     unbiased,
 )
-from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint
 
 LENGTHS = (40, 25, 60, 30, 45)
@@ -129,25 +129,27 @@ def test_a_root_leaves_out_what_is_zero_but_for_rounding():
     assert undone.T @ root == pytest.approx(np.diag([0.0, 1.0]), abs=1e-12)
 
 
-JOINT = flexible_joint()
+@pytest.fixture(scope="module")
+def fits() -> list[LeastSquaresFit]:
+    """Return fits to the noisy joint."""
+    joint = flexible_joint()
+    return [filtered_least_squares([joint_samples(seed)], joint) for seed in range(50)]
 
 
-def test_coverage_on_the_noisy_joint():
+def test_coverage_on_the_noisy_joint(fits: list[LeastSquaresFit]):
     """Assert that nominal 95 % intervals contain the truth in 90 to 99 % of 250 cases.
 
     Fifty seeds, five coefficients: were the cases independent, the standard error would be 1.4 %.
     """
-    fits = [filtered_least_squares([joint_samples(seed)], JOINT) for seed in range(50)]
     assert 0.90 <= np.mean([holding(fit) for fit in fits]) <= 0.99
 
 
-def test_rows_share_the_noise_of_the_positions():
+def test_rows_share_the_noise_of_the_positions(fits: list[LeastSquaresFit]):
     """Assert the correlation between rows, which share the noise of positions.
 
-    Over 40 seeds theta1 and beta1 correlate by about -0.8. As independent values they would give an
+    Over 50 seeds theta1 and beta1 correlate by about -0.8. As independent values they would give an
     interval of the gravity torque that is 1.7 times too wide.
     """
-    fits = [filtered_least_squares([joint_samples(seed)], JOINT) for seed in range(40)]
     pair = [fits[0].names.index(name) for name in ("theta1", "beta1")]
     spread = np.asarray(np.corrcoef(np.array([fit.values[pair] for fit in fits]).T))[0, 1]
     mean = np.mean([fit.covariance for fit in fits], axis=0)
@@ -227,16 +229,17 @@ def test_noise_is_covered(variances, blocks, least):
     have the given variances in six directions.
     """
     rng = np.random.default_rng(11)
-    held, widths = [], []
+    found = []  # degrees of freedom, variances, those of the blocks alone, and errors
     for _ in range(2000):
         scores = rng.standard_normal((blocks, 6)) * np.sqrt(variances)
         spread = MIXED @ (scores.T @ scores / blocks) @ MIXED.T
         covariance, freedom = shrunken(spread, WHITE, np.full(6, float(blocks)))
-        half = t.ppf(0.975, freedom) * np.sqrt(np.diag(covariance))
         error = MIXED @ (rng.standard_normal(6) * np.sqrt(variances))
-        held.append(np.abs(error) <= half)
-        widths.append(half / (t.ppf(0.975, blocks) * np.sqrt(np.diag(spread))))
-    shares = np.mean(held, axis=0)
+        found.append((freedom, np.diag(covariance), np.diag(spread), error))
+    freedoms, shrunk, alone, errors = np.array(found).swapaxes(0, 1)
+    half = t.ppf(0.975, freedoms) * np.sqrt(shrunk)
+    widths = half / (t.ppf(0.975, blocks) * np.sqrt(alone))
+    shares = np.mean(np.abs(errors) <= half, axis=0)
     assert 0.94 < shares.mean() < 0.975
     assert shares.min() > least
     assert np.median(widths) < 1.0 or len({*variances}) > 1
