@@ -32,7 +32,7 @@ SEEDS = 40
 def designed(examples) -> Design:
     """Return the design of a short experiment with few tones for the example drive."""
     file = read_drive(examples / "drive.toml")
-    short = {"duration": 6.0, "sample_time": 0.002, "harmonics": 6}
+    short = {"duration": 4.0, "sample_time": 0.002, "harmonics": 6}
     experiment = file.drive.experiment.model_copy(update=short)
     quick = replace(file, drive=file.drive.model_copy(update={"experiment": experiment}))
     return design(quick, 0, lambda _: None)
