@@ -34,7 +34,6 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.samples import Samples, divide
-from flexid.estimators.segmented_motion import balance_columns
 from flexid.identification.estimation.rig_errors import likely_changes
 from flexid.identification.full_model.fitting import Steps, fit_segments
 from flexid.identification.full_model.model import Structure

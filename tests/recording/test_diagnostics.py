@@ -220,6 +220,15 @@ def test_spikes_are_replaced():
     np.testing.assert_allclose(recording.motor_position, CLEAN[MOTOR], atol=10 * NOISE)
 
 
+@pytest.mark.parametrize("part", [0.3, 0.6, 0.8])
+def test_a_spike_within_the_range_is_replaced(part: float):
+    """Assert that a spike is replaced, however large, that does not leave the range of motion."""
+    low, extent = float(CLEAN[LINK].min()), float(np.ptp(CLEAN[LINK]))
+    place = 1000 + int(np.argmin(np.abs(CLEAN[LINK][1000:5000] - low - 0.15 * extent)))
+    (recording,) = changed(link=spiked([place], part * extent)).recordings
+    np.testing.assert_allclose(recording.needed_link_position, CLEAN[LINK], atol=10 * NOISE)
+
+
 def test_a_deflection_of_noise_alone_is_a_rigid_joint():
     """Assert that a joint counts as rigid if the encoders differ by noise alone."""
     copied = changed(link=lambda _: CLEAN[MOTOR] + noise(CLEAN[MOTOR]) - 0.3)

@@ -286,6 +286,7 @@ def _step_windows(
 _FROM_CUBIC = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0  # distance from the neighbours' cubic
 _SPIKE = 20.0  # least size of a spike over the noise: 14 standard deviations of the distance
 _CALM = 0.4  # largest second difference around a spike over its size; above 1 at a sudden stop
+_END = 0.1  # of a counter's range: distance from its ends at which it may overflow
 _AROUND = 8  # samples on either side of a spike that must be smooth
 _AT_ONCE = 65_536  # places per batch, to limit memory: without noise all are candidates
 _MOST = 0.01  # largest share of spikes that are replaced: more are not single errors
@@ -393,8 +394,11 @@ def _spikes(values: FloatArray, even: NDArray[np.bool_]) -> tuple[NDArray[np.int
     is_alone = np.concatenate([_is_calm_around(values, part, off[part]) for part in parts])
     is_alone &= sliding_window_view(even, 4)[places - 2].all(axis=1)
     # A counter near its overflow may alternate between the ends of its range.
-    is_within = (low <= values[places]) & (values[places] <= high)
-    is_alone &= ~(is_within & (np.abs(sizes) > 0.5 * (high - low)))
+    before, after = values[places], values[places] - sizes
+    lowest, highest = np.minimum(before, after), np.maximum(before, after)
+    is_within = (low <= before) & (before <= high)
+    is_turn = np.maximum(np.abs(lowest - low), np.abs(high - highest)) < _END * (high - low)
+    is_alone &= ~(is_within & is_turn)
     return places[is_alone], sizes[is_alone]
 
 
