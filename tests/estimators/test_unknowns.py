@@ -53,8 +53,9 @@ GIVEN = {"beta1": TRUTH["beta1"], "theta1": TRUTH["theta1"]}
         (by_filter, Unknowns(JOINT, GIVEN), Unknowns(flexible_joint(known=GIVEN))),
         (by_motion, Unknowns(JOINT, GIVEN), Unknowns(flexible_joint(known=GIVEN))),
         (by_filter, Unknowns(MORE, OFF), Unknowns(JOINT)),
+        (by_motion, Unknowns(MORE, OFF), Unknowns(JOINT)),
     ],
-    ids=["given", "given, in motion", "off"],
+    ids=["given", "given, in motion", "off", "off, in motion"],
 )
 def test_what_is_fixed_leaves_the_smaller_model(batch, part, small):
     """Assert that a fixed coefficient gives the fit of the model that knows or omits it."""

@@ -10,7 +10,12 @@ import pytest
 from made_joint import COEFFICIENTS, PAPER, data, half_widths, log, made, structure
 
 import flexid.identification.estimation.model_error as modelling
-from flexid.identification.estimation.model_error import model_error, stand_in_covariance, widened
+from flexid.identification.estimation.model_error import (
+    driving_frictions,
+    model_error,
+    stand_in_covariance,
+    widened,
+)
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Fitted
 from flexid.identification.identify import identify
@@ -242,3 +247,4 @@ def test_a_driving_friction_is_doubted_and_named():
     damping = found.parameters["joint_damping"]
     assert damping.interval[0] < -0.05 < 0.0 < damping.interval[1]
     assert any("alpha_damping came out negative" in warning for warning in found.warnings)
+    assert not driving_frictions(fitted(1)[0], THRESHOLDS)

@@ -228,21 +228,22 @@ def test_the_narrowest_fit_that_converged_is_best():
 
 USUAL = Structure(JOINT, frozenset({"alpha_drag", "alpha_saturation"}), Timing("zero"))
 UNUSUAL = Structure(JOINT, frozenset({"theta_offset", "alpha_offset"}), Timing("zero"))
-FALL = THRESHOLDS.exchange_fall
+FALL, CHANCE = THRESHOLDS.exchange_fall, 4.0
 NOISE, MORE = THRESHOLDS.sensor_excess - 0.001, THRESHOLDS.sensor_excess + 0.001
 
 
 @pytest.mark.parametrize(
     ("usual", "unusual", "excess", "taken"),
     [
-        # One coefficient is worth the threshold `exchange_fall`, and one has to be gained.
-        ((1000.0, 8), (999.9 - FALL, 8), 1.0, True),
-        ((1000.0, 8), (1000.1 - FALL, 8), 1.0, False),
+        # One coefficient is worth the threshold `exchange_fall`, and one has to be gained. Chance
+        # gives `CHANCE` times as much where residuals are correlated.
+        ((1000.0, 8), (999.9 - CHANCE * FALL, 8), 1.0, True),
+        ((1000.0, 8), (1000.1 - CHANCE * FALL, 8), 1.0, False),
         ((1000.0, 9), (999.9, 8), 1.0, True),
         ((1000.0, 9), (1000.1, 8), 1.0, False),
-        ((1000.0, 10), (999.9 + FALL, 8), 1.0, True),
-        ((1000.0, 10), (1000.1 + FALL, 8), 1.0, False),
-        ((1000.0, 8), (1000.1 - 2.0 * FALL, 9), 1.0, False),
+        ((1000.0, 10), (999.9 + CHANCE * FALL, 8), 1.0, True),
+        ((1000.0, 10), (1000.1 + CHANCE * FALL, 8), 1.0, False),
+        ((1000.0, 8), (1000.1 - 2.0 * CHANCE * FALL, 9), 1.0, False),
         # A much smaller sum does not count if residuals exceed noise.
         ((9000.0, 8), (1000.0, 8), NOISE, True),
         ((9000.0, 8), (1000.0, 8), MORE, False),
@@ -261,9 +262,12 @@ def test_unusual_terms_have_to_be_far_better_or_fewer(monkeypatch, usual, unusua
         found = usual if structure is USUAL else unusual
         return found and made_fit(excess, cost=found[0], names=range(found[1]))
 
+    # Robust deviations are twice those of white noise, so chance gives four times as much.
+    full = made_fit(1.0, unit_deviations=np.ones(3), information=np.eye(3), values=np.ones(3))
+    full.fit = SimpleNamespace(covariance=CHANCE * np.eye(3), degrees_of_freedom=(9.0,) * 3)
     monkeypatch.setattr(elimination, "eliminate", eliminated)
     monkeypatch.setattr(elimination, "fit_like", fit)
-    found = elimination._leanest(cast(Any, None), (), THRESHOLDS)
+    found = elimination._leanest(full, (), THRESHOLDS)
     assert found == ((UNUSUAL, ("unusual",)) if taken else (USUAL, ("usual",)))
 
 

@@ -71,9 +71,9 @@ def test_a_derivation(flexid):
 
 def test_a_design(tiny_drive, flexid, tmp_path, monkeypatch):
     """Assert that the design equals the command's, as a document, a figure and a page."""
+    monkeypatch.setattr("flexid.experiment_design.design.STARTS", 1)
     steps = []
     design = library.design(tiny_drive, progress=steps.append)
-    monkeypatch.setattr("flexid.experiment_design.design.design", lambda *_: design.result)
     printed = flexid("design", tiny_drive, "--json")
     design.save(tmp_path / "design.json")
     assert json.loads((tmp_path / "design.json").read_text()) == json.loads(printed.stdout)

@@ -186,11 +186,12 @@ def test_refused_texts(tmp_path: Path, golden: Any, monkeypatch: Any) -> None:
 
 def test_a_file_that_was_not_closed(tmp_path: Path) -> None:
     """Assert that null bytes or half a row at the end cost no sample, with a warning."""
-    for end in ("\0" * 4096, "2.5,0.1"):
+    for end in ("\0" * 4096, "\0" * 2_000_000, "2.5,0.1"):
         path = joint_log.written(tmp_path, TEXT + end)
         (warning,) = read_log(path).warnings
         joint_log.assert_words("line 502 was left out, as a last row that is not complete", warning)
-        assert len(streamed(path)) == 500
+        if len(end) < 1_000_000:  # a stream must not wait for the end of such a line
+            assert len(streamed(path)) == 500
 
 
 @pytest.mark.parametrize("cell", ["inf", "?", "1,5", "1_000"])

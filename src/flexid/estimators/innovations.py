@@ -111,7 +111,7 @@ def _first_sizes(problem: SegmentedMotion, slowest: float) -> Sizes:
     squares = np.zeros(segments.outputs.shape[1])
     for part, sample_time in segments.by_recording():
         rates = np.gradient(segments.outputs[part], sample_time, axis=0)
-        width = 2 * max(1, round(0.01 / sample_time)) + 1
+        width = min(2 * max(1, round(0.01 / sample_time)) + 1, len(rates))
         smooth = uniform_filter1d(rates, width, axis=0, mode="constant")
         squares += np.sum(np.gradient(smooth, sample_time, axis=0) ** 2, axis=0)
     accelerations = np.sqrt(squares / len(segments.outputs))

@@ -306,7 +306,9 @@ def side_by_side(of: Callable[[A], B], each: Iterable[A], threads: int | None = 
             with own_budget(place):
                 return of(every[place])
 
-        return [*(map if threads < 2 else pool.map)(run, range(len(every)))]
+        return (
+            [*pool.map(run, range(len(every)))] if threads > 1 else [*map(run, range(len(every)))]
+        )
 
 
 def cores() -> int:

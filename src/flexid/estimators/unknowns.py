@@ -142,6 +142,8 @@ class Unknowns:
             fixed = [self.fixed.get(label, self.fixed.get(c, 0.0)) for c, label in labels.items()]
             columns = [place.get(label, FIXED) for label in labels.values()]
             found[group] = np.array(columns, np.int64), np.array(fixed, np.float64)
+            for values in found[group]:
+                values.setflags(write=False)  # they are shared by all callers
         return found
 
 

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from flexid.report.page import Page
     from flexid.report.terminal import Part
 
+_OPTIONAL = ("answers", "charts", "evidence", "write_data")  # functions that a report may lack
+
 
 class Answer:
     """Result of a flexid function: tables and a figure in a notebook, text in `summary`."""
@@ -59,9 +61,11 @@ class Answer:
         return (self.result,)
 
     def _present(self, function: str, *more: Any) -> Any:
-        """Return what a function of the report's module gives; nothing if it lacks the function."""
+        """Return what a function of the report's module gives; nothing if it need not have it."""
         module = import_module(f"flexid.report.{self._report}")
-        return getattr(module, function, lambda *_: ())(*self._shown, *more)
+        if function in _OPTIONAL and not hasattr(module, function):
+            return ()
+        return getattr(module, function)(*self._shown, *more)
 
     def _parts(self, *, explain: bool = False) -> list[Part]:
         """Return tables and sentences of the result, and if requested the evidence for choices."""
@@ -190,7 +194,7 @@ class Answer:
 
 
 class EstimateAnswer(Answer):
-    """Estimate of a joint or of an arm."""
+    """Values of a joint or of an arm, each with a verdict."""
 
     _file = "estimate.json"
 

@@ -106,7 +106,7 @@ def format_of(path: Path) -> Format | None:
     ('HDF5', None)
     """
     is_folder, suffix = os.path.isdir(path), files_of(path)[0].suffix.lower()
-    found = (one for one in FORMATS if suffix in one.suffixes and one.in_folder >= is_folder)
+    found = (one for one in FORMATS if suffix in one.suffixes and (one.in_folder or not is_folder))
     return next(found, None)
 
 

@@ -111,22 +111,20 @@ def layout_of(file: str, text: bytes) -> Layout:
     The header is the line of names above the first rows of numbers with as many cells. A row of
     units may lie between them. Lines before the header are a preamble.
     """
-    lines = [*_first_lines(file, text)]
+    lines, row = _to_first_row(file, text)
     plain = [line for line in lines if not line.is_comment]
     if not plain:
         raise RecordingError(
             file, "line 1", "there is nothing but comments: write the column names below them"
         )
-    first, row = _first_row(plain)
     if row is None:  # without rows of numbers the first line is taken as the header
         bare = re.sub(r"\[[^\[\]]*\]|\([^()]*\)|\"[^\"]*\"", "", plain[0].text)
         separator = max(",;\t|", key=bare.count)  # outside units and quotes
         header = replace(plain[0], cells=tuple(split(plain[0].bare, separator)))
         return _layout([], header, None, separator, (header.number + 1, header.end))
     separator, width = row
-    is_ended = not split(first.text, separator)[-1]
-    ahead = [line for line in lines if line.number <= first.number]
-    lines = [line.parted(separator, width, is_ended=is_ended) for line in ahead]
+    is_ended = not split(lines[-1].text, separator)[-1]
+    lines = [line.parted(separator, width, is_ended=is_ended) for line in lines]
     header, units = _names_and_units(lines[:-1], lines[-1], width)
     below = [line for line in lines if line.number > header.number and line is not units]
     below = [line for line in below if not (line.is_comment or line.label)]
@@ -167,18 +165,36 @@ def _check_quotes(header: _Line) -> None:
         )
 
 
-def _first_row(lines: list[_Line]) -> tuple[_Line, tuple[str, int] | None]:
-    """Line of numbers that more such lines follow, its separator and its width, or None."""
-    for place, first in enumerate(lines):
-        for separator in (*SEPARATORS, BLANK):
-            cells = split(first.text, separator)
-            if not _is_row(cells, all_of_them=separator == BLANK):
-                continue
-            following = lines[place + 1 : place + 1 + _MORE_ROWS]
-            others = [split(other.text, separator) for other in following]
-            if all(len(other) == len(cells) and _is_row(other) for other in others):
-                return first, (separator, len(cells))
-    return lines[0], None
+def _to_first_row(file: str, text: bytes) -> tuple[list[_Line], tuple[str, int] | None]:
+    """Lines up to the first row of numbers, with its separator and width; else all and None.
+
+    Lines are read only as needed, since damaged ones may follow.
+    """
+    ahead = _first_lines(file, text)
+    lines: list[_Line] = []
+    waiting: list[_Line] = []  # candidates for the first row and those after it
+    while True:
+        while len(waiting) <= _MORE_ROWS and (line := next(ahead, None)) is not None:
+            lines.append(line)
+            waiting += [] if line.is_comment else [line]
+        if not waiting:
+            return lines, None
+        first, *waiting = waiting
+        row = _row_of(first, waiting)
+        if row is not None:
+            return [line for line in lines if line.number <= first.number], row
+
+
+def _row_of(first: _Line, following: list[_Line]) -> tuple[str, int] | None:
+    """Separator and width of a row of numbers if the following lines are such rows too."""
+    for separator in (*SEPARATORS, BLANK):
+        cells = split(first.text, separator)
+        if not _is_row(cells, all_of_them=separator == BLANK):
+            continue
+        others = [split(other.text, separator) for other in following]
+        if all(len(other) == len(cells) and _is_row(other) for other in others):
+            return separator, len(cells)
+    return None
 
 
 def _first_lines(file: str, text: bytes) -> Iterator[_Line]:

@@ -246,8 +246,8 @@ def hidden_covariance(fits: FinalFits, certain: Collection[str] = ()) -> FloatAr
     (Bayes factor of a normal prior). A present term moves the others along the quadratic form of
     the fit. A term that the log would show well, but does not, adds nothing. A term that the log
     cannot show adds half its prior mean square. For `certain` terms P = 1. Nine of ten drives have
-    a friction or damping of a few per cent of the acceleration, so for these the larger mean square
-    of two priors counts, also that with o = 1/9 and such a τ.
+    a friction or damping of some 5 % of the acceleration. So for these a second prior has o = 1/9
+    and such a τ, and the larger mean square counts.
     """
     reported, full, scales = fits.reported, fits.full, fits.scales
     names = list(full.names)
