@@ -3,22 +3,26 @@
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, data, fitted, log, made, posed, seen
+from made_joint import COEFFICIENTS, data, fitted, log, made, made_fit, posed, seen
 
 import flexid.identification.structure.gap as gap
+from flexid.errors import ConvergenceError
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.model_error import widened
-from flexid.identification.full_model.fitting import fit_to, in_own_steps
+from flexid.identification.full_model.fits_by_length import FitsByLength
+from flexid.identification.full_model.fitting import Steps, fit_to, in_own_steps
 from flexid.identification.full_model.model import Fitted
 from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.structure.gap import as_wide_as_its_gap, half_gap, with_free_width
+from flexid.identification.vocabulary import silent
 from flexid.identification.vocabulary.evidence import Estimate
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import BACKLASH_WIDTH, PAPER_TERMS
 
 HALF_GAP = 4e-4  # rad
@@ -174,6 +178,24 @@ def test_a_gap_as_large_as_the_deflection(fits_seen: list[FinalFits]):
     place = found.fit.names.index("alpha_backlash")
     assert free.deviations[place] > 1.02 * fixed.deviations[place]
     assert found.fit.deviations[place] >= 0.999 * free.deviations[place]
+
+
+@pytest.mark.parametrize(("count", "promised"), [(4, 20.0), (8, np.inf)])
+def test_a_start_with_play_must_promise_more_than_none(monkeypatch, count, promised):
+    """Assert the variance that a first step must promise, if the segments are the same."""
+    without = made_fit(20.0, segments=range(4))
+    starts, asked = [("structure", {})], []
+
+    def fit_by_length(*_: Any, steps: Steps) -> None:
+        asked.append(steps.promised)
+        raise ConvergenceError("prediction error", "far from the log")
+
+    monkeypatch.setattr(gap, "short", lambda divisions: divisions)
+    monkeypatch.setattr(gap, "_starts", lambda *_: starts)
+    monkeypatch.setattr(gap, "fit_by_length", fit_by_length)
+    by_length = FitsByLength((without,), cast(Any, (range(count),)), True, ("cubic",), "")
+    assert gap.fit_with_play(by_length, (without,), silent, THRESHOLDS) is None
+    assert asked == [promised]
 
 
 def test_the_deviation_of_a_centre() -> None:

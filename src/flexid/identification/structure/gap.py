@@ -282,11 +282,14 @@ def fit_with_play(
     progress("play of the joint")
     structure = replace(full, absent=full.absent - play)
     floor = thresholds.noise_floor(by_length.found[0].excess)
+    divisions, without = short(by_length.divisions), by_length.found[0]
+    # A first step that promises less than the fit without play leads nowhere.
+    is_alike = len(without.problem.segments) == len(divisions[0])
+    steps = replace(FIRST_STEPS, promised=without.excess if is_alike else np.inf)
     best: list[Fitted] = []
     for own, start in _starts(structure, full, data):
         try:
-            divisions = short(by_length.divisions)
-            found = fit_by_length(own, data, start, divisions, steps=FIRST_STEPS)
+            found = fit_by_length(own, data, start, divisions, steps=steps)
         except ConvergenceError:
             continue
         if not best or (len(found), -found[-1].excess) > (len(best), -best[-1].excess):
