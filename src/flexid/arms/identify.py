@@ -179,7 +179,8 @@ def _result(arm: PlanarArm, log: ArmLog, found: _ChosenFit) -> ArmIdentification
     structure = fitted.structure
     balance, fixed = structure.joint.balance, structure.fixed
     parameters: dict[str, ValueEstimate] = {}
-    shares, units = _shares(found, log), ArmUnits(arm.types, log.input_units, log.resting)
+    shares = _shares(found, log)
+    units = ArmUnits(arm.types, log.input_units, log.resting)
     for name, joint, term in balance.placed():
         unit = units.of(term, joint)
         if name in fitted.names:

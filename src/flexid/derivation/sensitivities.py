@@ -227,9 +227,14 @@ def _memory_slopes(symbolic: SymbolicSystem) -> str:
 
 def _equations(symbolic: SymbolicSystem) -> list[tuple[sp.Expr, dict[int, sp.Expr]]]:
     """Rates of velocities and memories, each with its derivatives by index of the state."""
-    rates = [e.acceleration for e in symbolic.rows] + [e.rate for e in symbolic.memories]
+    rates = [row.acceleration for row in symbolic.rows]
+    rates += [memory.rate for memory in symbolic.memories]
     states = [*enumerate(symbolic.states)]
-    return [(r, {place: derivative(r, x) for place, x in states if r.has(x)}) for r in rates]
+
+    def derivatives(rate: sp.Expr) -> dict[int, sp.Expr]:
+        return {place: derivative(rate, state) for place, state in states if rate.has(state)}
+
+    return [(rate, derivatives(rate)) for rate in rates]
 
 
 def _slopes(symbolic: SymbolicSystem) -> str:

@@ -26,6 +26,7 @@ from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import INPUT, before_a_lag
 from flexid.identification.full_model.fitting import beyond_noise, fit_like
 from flexid.identification.full_model.model import ROUGH, Fitted, once_per_fit
+from flexid.identification.preparation.recordings import Amplifier
 from flexid.identification.structure.gap import CHANCE, PLAY, is_dead_zone
 from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS
 from flexid.identification.vocabulary.evidence import Estimate, ModelError
@@ -236,8 +237,8 @@ def behind_a_dead_zone(fitted: Fitted) -> FloatArray:
     log contradicts this one, the change is reduced to that of a dead zone that chance may hide.
     """
     signal = fitted.problem.segments.inputs[:, 0]
-    half = _LINEAR * _DEAD_ZONE * float(np.abs(signal).max())
-    more, change = _change(fitted, signal - np.clip(signal, -half, half), fitted.values)
+    small = Amplifier(dead_zone=_LINEAR * _DEAD_ZONE * float(np.abs(signal).max()))
+    more, change = _change(fitted, small.passed(signal), fitted.values)
     whole, rise = change / _LINEAR, more / _LINEAR**2
     chance = CHANCE * max(fitted.excess, 1.0)
     return whole * np.sqrt(chance / rise) if rise > chance else whole
