@@ -19,7 +19,6 @@ from flexid.models.motion import unit_of
 from flexid.models.physical import ANGLES
 from flexid.report.chart import Chart
 from flexid.report.page import Answer, Command, Tone, logs_of
-from flexid.report.response_charts import bode_chart, fit_chart, residual_chart
 from flexid.report.terminal import (
     VERDICT_STYLES,
     Column,
@@ -31,7 +30,6 @@ from flexid.report.terminal import (
     value_texts,
 )
 from flexid.stored_estimates.estimate_file import estimate_document
-from flexid.stored_estimates.frequency_response import frequency_response
 
 PARAMETERS, COEFFICIENTS = "Physical parameters", "Coefficients"
 
@@ -300,6 +298,10 @@ def _next_step(result: Identification, lacking: Sequence[ValueEstimate]) -> Answ
 
 def charts(result: Identification) -> Sequence[Chart]:
     """Return all charts for which the result has data; a loaded one has no time series."""
+    # Imported late: a result that is only printed has no charts.
+    from flexid.report.response_charts import bode_chart, fit_chart, residual_chart
+    from flexid.stored_estimates.frequency_response import frequency_response
+
     bode = bode_chart(frequency_response(result))
     if not result.validation.runs:
         return (bode,)
