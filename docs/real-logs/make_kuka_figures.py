@@ -73,18 +73,19 @@ def print_axis(label: str, recording: Recording, delays: tuple[float, float]) ->
 
 def print_identified(found: Identification) -> None:
     """Print flexid's result for one axis."""
-    stiffness, late = found.parameters["joint_stiffness"], found.choices.alignment.link_delay
-    low, high = stiffness.interval
+    late = found.choices.alignment.link_delay
     residuals = ", ".join(f"{ratio:.3g}" for ratio in found.residual_excess.values())
     print(
-        f"    link {1e3 * late.value:.2f} ms late ({late.status}), stiffness "
-        f"{stiffness.value:.3g} [{low:.3g}, {high:.3g}] {stiffness.verdict}; exit "
+        f"    {found.model}, link {1e3 * late.value:.2f} ms late ({late.status}); exit "
         f"{0 if found.supports() else 1}; residuals {residuals} times noise; "
         f"free run {format_fits(found.validation.fit_percent)}"
     )
     if found.disturbances is not None:
         for name, share in found.disturbances.shares.items():
             print(f"    unexplained, {name}: {100.0 * share:.0f} %")
+    for name in {"joint_stiffness", "total_inertia", "inertia"} & found.parameters.keys():
+        value, (low, high) = found.parameters[name].value, found.parameters[name].interval
+        print(f"    {name} {value:.3g} [{low:.3g}, {high:.3g}] {found.parameters[name].verdict}")
     print("   ", found.warnings[0])
 
 

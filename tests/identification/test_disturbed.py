@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from made_joint import (
+    COEFFICIENTS,
     JOINT,
     PUSHED,
     data,
@@ -36,10 +37,12 @@ from flexid.identification.structure.validation import from_fitted_states
 from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import HARDENING
+from flexid.models.flexible_joint import HYSTERESIS_GRIP as GRIP
 from flexid.recording.recording import Hold, Recording
 
 CORE = ("theta2", "alpha1", "beta1")
 HARDENS = 20.0 * 150.0  # N m/rad³
+BOUC_WEN = {"hysteresis_torque": 4.0, "hysteresis_reach": 0.02, "hysteresis_power": 3.0}
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,7 @@ class Case:
     made: Callable[[], Recording]
     terms: tuple[str, ...] = ()
     hold: Hold = "cubic"
-    with_play: bool = False
+    with_shapes: bool = False
     share: float = 0.1
     more: tuple[tuple[str, float], ...] = ()
 
@@ -62,13 +65,13 @@ class Case:
     def structure(self) -> Structure:
         """Structure with all terms that are considered."""
         base = structure("motor_viscous", *self.terms, hold=self.hold)
-        return replace(base, joint=JOINT.scaled(self.data.samples)) if self.with_play else base
+        return replace(base, joint=JOINT.scaled(self.data.samples)) if self.with_shapes else base
 
     def fit(self) -> Disturbed:
         """Return the fit to the log."""
         own = self.structure, self.data
-        found = fit_disturbed(*own, (), (self.hold,), THRESHOLDS, with_play=self.with_play)
-        return fit_disturbed_to(found, self.data) if self.with_play else found
+        found = fit_disturbed(*own, (), (self.hold,), THRESHOLDS, with_shapes=self.with_shapes)
+        return fit_disturbed_to(found, self.data) if self.with_shapes else found
 
 
 CASES = {
@@ -87,13 +90,17 @@ CASES = {
     **{
         f"play of {size:g} rad": Case(
             lambda size=size: pushed(7, link_push=0.3, half_gap=size), ("cubic_stiffness",),
-            with_play=True,
+            with_shapes=True,
         )
         for size in (0.02, 0.08)
     },
+    "another law of hysteresis": Case(
+        lambda: made(7, torque_noise=0.5, **BOUC_WEN), ("gravity", "joint_damping"),
+        with_shapes=True, more=(*COEFFICIENTS.items(),),
+    ),
     "a spring that hardens": Case(
         lambda: pushed(7, link_push=0.3, cubic_stiffness=HARDENS), ("cubic_stiffness",),
-        with_play=True,
+        with_shapes=True,
     ),
 }  # fmt: skip
 
@@ -131,6 +138,8 @@ def test_what_each_log_shows():
         played = fitted(f"play of {size:g} rad")[0].fitted
         assert gap.is_dead_zone(played)
         assert gap.half_gap(played) == pytest.approx(size, rel=0.1)
+    remembering = [name for name in CASES if GRIP in fitted(name)[0].fitted.names]
+    assert remembering == ["another law of hysteresis"]
     hardens = fitted("a spring that hardens")[0].fitted
     assert gap.half_gap(hardens) == 0.0
     assert "alpha_cubic" in hardens.names
@@ -213,7 +222,7 @@ def eccentric(size: float, motor_push: float) -> tuple[Fitted, Estimate]:
     error = size * np.sin(right.needed_link_position)
     log = data(seen(right, error, np.zeros(len(right))))
     terms = structure("motor_viscous", "gravity")
-    found = fit_disturbed(terms, log, (), ("cubic",), THRESHOLDS, with_play=False)
+    found = fit_disturbed(terms, log, (), ("cubic",), THRESHOLDS, with_shapes=False)
     return found.fitted, disturbed_estimate(found, log, "N m")[0]
 
 
@@ -289,7 +298,7 @@ def test_play_that_the_log_denies_is_no_doubt(monkeypatch: pytest.MonkeyPatch, h
         nth_fit(monkeypatch, {2}, diverging)
     case = CASES["a spring that hardens"]
     own = case.structure, case.data
-    fit = fit_disturbed(*own, (), (case.hold,), THRESHOLDS, with_play=True)
+    fit = fit_disturbed(*own, (), (case.hold,), THRESHOLDS, with_shapes=True)
     assert fit.by_play == (0.0 if has_fit else 5.0)
 
 

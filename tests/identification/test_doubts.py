@@ -1,5 +1,6 @@
 """Doubts: possible errors of the rig and removed terms, and how far each shifts a value."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -71,6 +72,7 @@ CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     # Uniform between zero and the full effect of play on a spring, or of more noise of the input.
     (doubts.play, {"by_play": 0.3}, dict.fromkeys(SPRINGS, 0.3 / np.sqrt(3.0))),
     (doubts.play, {}, {}),
+    (doubts.another_law, {}, {}),
     (
         doubts.noise_of_the_input,
         {"by_noise": NOISE},
@@ -102,6 +104,14 @@ def test_values_of_one_balance_move_together():
     one, two = doubts.further_modes(doubted()), doubts.looks_like_the_acceleration(doubted())
     assert (one.shape[1], two.shape[1], doubts.play(doubted(by_play=0.3)).shape[1]) == (1, 2, 1)
     assert ((two != 0.0).sum(axis=1) <= 1).all()
+
+
+def test_a_hysteresis_may_follow_another_law():
+    """Assert that its torque and its reach may both be larger by 15 %, and nothing else."""
+    values = {"alpha1": 300.0, "alpha_hysteresis": 2.0, "hysteresis_grip": 50.0}
+    alone: Any = SimpleNamespace(names=(*values,), by_name=values)
+    moved = doubts.another_law(replace(doubted(), fitted=alone))
+    assert moved == pytest.approx(np.array([[0.0], [0.3], [-7.5]]))
 
 
 @pytest.mark.parametrize("part", [0.3, 1.0])

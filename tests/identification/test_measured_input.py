@@ -103,7 +103,7 @@ def gain(seed: int, noise: float, motor_push: float = 0.0) -> tuple[float, float
     made = pushed(seed, motor_push=motor_push)
     more = noise * np.random.default_rng(seed + 50).standard_normal(len(made))
     log, viscous = data(replace(made, input=made.needed_input + more)), structure("motor_viscous")
-    found = fit_disturbed(viscous, log, (), ("cubic",), THRESHOLDS, with_play=False)
+    found = fit_disturbed(viscous, log, (), ("cubic",), THRESHOLDS, with_shapes=False)
     place = found.fitted.names.index("beta1")
     change = pulled(found.fitted, found.sizes, log.samples, found.factor)[place]
     return found.fitted.by_name["beta1"] / PUSHED["beta1"] - 1.0, change / PUSHED["beta1"]

@@ -98,7 +98,7 @@ def test_what_explains_enough_is_followed(monkeypatch, before, floor, first, las
     monkeypatch.setattr(fits_by_length, "fit_from", fit_from)
     first = made_fit(first.excess, by_name={"first": 1.0}, states="there")
     fit = made_fit(before, states="here", data="data")
-    rest = floor, THRESHOLDS, fits_by_length._only_brakes
+    rest = floor, THRESHOLDS, fits_by_length.only_brakes
     found = fits_by_length.explained_by(fit, WITHOUT, {"start": 0.0}, *rest)
     assert found is (last if follows else None)
     assert asked[0] == (fits_by_length.EXPLORING, {"start": 0.0}, "here")

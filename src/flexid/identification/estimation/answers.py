@@ -236,7 +236,7 @@ def _disturbed(job: Job) -> Answer:
         job.kept,
         holds,
         job.thresholds,
-        with_play=job.settings.terms == "auto" and job.joint.kind != "rigid",
+        with_shapes=job.settings.terms == "auto" and job.joint.kind != "rigid",
     )
     undisturbed = _without_observer(fitted.fitted, training)
     follow = follower(fitted, whole)

@@ -25,12 +25,14 @@ from flexid.identification.estimation.band import (
     thinned,
     thinning,
 )
+from flexid.identification.full_model.fits_by_length import only_brakes
 from flexid.identification.full_model.fitting import lengths
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
 from flexid.identification.full_model.starting import no_start, starts
 from flexid.identification.structure.elimination import eliminate, latest
 from flexid.identification.structure.gap import (
     CHANCE,
+    LIKELIER,
     LikelyPlay,
     following,
     half_gap,
@@ -45,6 +47,7 @@ from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import (
     DISSIPATIVE,
+    HYSTERESIS_GRIP,
     SHAPE_TERMS,
     SPRING,
     TERMS,
@@ -62,6 +65,7 @@ _MOTOR_OF_LINK = {SPRING[0]: SPRING[1]} | {
     for term in (TERMS["cubic_stiffness"], SHAPE_TERMS["backlash"])
     for link, motor in zip(term.link, term.motor, strict=True)
 }
+_HARDENING = {*TERMS["cubic_stiffness"].link, *TERMS["cubic_stiffness"].motor}
 # Least relative increase of the stiffness by play; less may be due to an encoder's steps.
 _LEAST_STIFFER = 0.02
 _WIDTHS = 5  # most fits until the width of play equals its gap
@@ -94,15 +98,17 @@ def fit_disturbed(
     holds: Sequence[Hold],
     thresholds: Thresholds,
     *,
-    with_play: bool,
+    with_shapes: bool,
 ) -> Disturbed:
-    """Fit all usual terms, and play if it is likely; remove terms that the log does not show."""
+    """Fit all usual terms, and play or hysteresis if likely; remove terms that are not shown."""
     factor = thinning(data, _start(structure, data))
     if LINK in structure.timing.sought:
         skewed = skew(structure.joint, thinned(data, factor, held=False))
         if skewed.makes_the_deflection:  # the log then shows neither spring nor play
-            with_play = False
-            structure = replace(structure, timing=_with_link_delay(structure.timing, skewed.delay))
+            with_shapes = False
+            timing = _with_link_delay(structure.timing, skewed.delay)
+            # A cubic spring would soften until the motion diverges.
+            structure = replace(structure.without(_HARDENING), timing=timing)
             factor = thinning(data, _start(structure, data))
     # A low-passed input has no steps, so hold and delay are indistinguishable.
     tried = [structure.with_hold(hold) for hold in (holds if factor == 1 else holds[:1])]
@@ -110,14 +116,16 @@ def fit_disturbed(
     if max(_shares(full.fitted, full.sizes).values()) > _WRONG_MINIMUM:
         full = min([full, *_from_few_terms(full, data, factor)], key=_cost)
     likely = None if structure.joint.kind == "rigid" else likely_play(full.fitted.structure, data)
-    by_play, lost = likely.doubt if likely else 0.0, 0.0
-    if likely and with_play:
+    played, by_play, lost = full, likely.doubt if likely else 0.0, 0.0
+    if likely and with_shapes:
         played, by_play = _with_play(full, likely, data, factor)
-        full, lost = played, 0.0 if played is full else by_play
+        lost = 0.0 if played is full else by_play
+    if with_shapes:
+        full = min((played, *_with_hysteresis(full, data, factor)), key=_cost)
     best, evidence = _with_shown_terms(full, data, factor, kept, thresholds)
     if is_damping(best.fitted.by_name):  # delay and friction are equivalent to one damping
         without = structure.without({LINK})
-        return fit_disturbed(without, data, kept, holds, thresholds, with_play=with_play)
+        return fit_disturbed(without, data, kept, holds, thresholds, with_shapes=with_shapes)
     best = _as_wide_as_its_gap(best, data, factor)
     shares = _shares(best.fitted, best.sizes)
     rest = factor, best.cost, by_play, lost
@@ -223,6 +231,20 @@ def _with_play(
     if played.cost < fit.cost - CHANCE:
         return played, stiffer
     return fit, min(stiffer, likely.doubt)
+
+
+def _with_hysteresis(fit: FitInBand, data: Data, factor: int) -> Iterator[FitInBand]:
+    """Yield the fit with hysteresis of the spring, if it explains clearly more of the link."""
+    structure, joint = fit.fitted.structure, fit.fitted.structure.joint
+    if not joint.remembered or not joint.remembered <= structure.absent:
+        return
+    structure = replace(structure, absent=structure.absent - joint.remembered)
+    start = {**fit.fitted.by_name, HYSTERESIS_GRIP: joint.first[HYSTERESIS_GRIP]}
+    for other in _fits([(structure, start)], data, factor):
+        left, before = (_shares(each.fitted, each.sizes)["link"] for each in (other, fit))
+        explains = other.cost < fit.cost - CHANCE and left**2 < LIKELIER * before**2
+        if explains and only_brakes(other.fitted):
+            yield other
 
 
 def _stiffer(values: Mapping[str, float], link: Mapping[str, float]) -> dict[str, float]:

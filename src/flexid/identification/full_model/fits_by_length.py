@@ -157,14 +157,14 @@ def fit_with_hysteresis(
     for promise, start in sorted(promising, key=itemgetter(0), reverse=True)[:FOLLOWED]:
         if promise < thresholds.shape_promise:
             break
-        first = explained_by(before, structure, start, floor, thresholds, _only_brakes)
+        first = explained_by(before, structure, start, floor, thresholds, only_brakes)
         if first is not None:
             found = [first, *by_length.longer(first, thresholds)]
             return by_length.with_term(found, thresholds)
     return None
 
 
-def _only_brakes(fitted: Fitted) -> bool:
+def only_brakes(fitted: Fitted) -> bool:
     """Whether no friction of a spring with hysteresis is negative; that would mean a gap."""
     remembered = fitted.structure.joint.remembered
     return all(fitted.by_name.get(name, 0.0) >= 0.0 for name in remembered)

@@ -57,7 +57,7 @@ PLAY = frozenset(SHAPE_TERMS["backlash"].coefficients)
 """Coefficients of play."""
 
 LIKELIER = 0.9
-"""Largest ratio of a link's unexplained squared acceleration with play to that without."""
+"""Largest ratio of a link's unexplained squared acceleration with play or hysteresis to without."""
 
 CHANCE = 9.0
 """Change of a weighted sum of squares, or of a cost, by chance: three standard deviations."""
