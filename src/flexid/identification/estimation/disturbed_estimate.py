@@ -72,7 +72,7 @@ def disturbed_estimate(
         by_eccentricity(fitted),
         pulled(fitted, found.sizes, data.samples, found.factor),
         by_play if PLAY.isdisjoint(names) else 0.0,
-        lagged(fitted) if fitted.by_name.get(INPUT, 0.0) < 0.0 else None,
+        lagged(fitted),
         behind_a_dead_zone(fitted) if input_unit == "V" else None,
     )
     errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]

@@ -23,7 +23,7 @@ _FURTHER_MODES = 0.003  # of a link's inertia, which the next bending mode incre
 _CABLE = 0.03  # torque of a cable, which acts like gravity, over the spring's torque
 ECCENTRICITY = 5e-4  # rad: 0.03 degrees, error of good encoders once per turn
 GAUGE = 0.02  # of the scale of a deflection sensor: strain gauges are calibrated to 3 or 4 %
-_LAG = 2e-3  # s: time constants of coils and current loops are hardly longer
+_LONGEST_COIL = 2e-3  # s: time constants of coils are hardly longer
 # Standard deviation of a hysteresis torque and its reach over their values, if the law is not
 # Dahl's. Errors were 1 to 37 % in seven logs after Bouc and Wen.
 _ANOTHER_LAW = 0.15
@@ -66,16 +66,6 @@ class Doubted:
     by_play: float = 0.0  # relative increase of the stiffness if the spring has play
     by_lag: FloatArray | None = None  # (k,): error of the values if the delay may be a lag
     by_dead_zone: FloatArray | None = None  # (k,): change of the values by an amplifier's dead zone
-
-    @property
-    def longest_lag(self) -> float:
-        """Time constant in s of a lag that replaces the input's whole delay.
-
-        It is negative if the input acts before it was logged: then the log was low-passed.
-        """
-        timing = self.fitted.structure.timing
-        delay = self.fitted.by_name.get(INPUT, timing.delays.get(INPUT, 0.0))
-        return float(np.clip(delay, -_LAG, _LAG))
 
     @property
     def none(self) -> FloatArray:
@@ -153,23 +143,16 @@ def coil_lag(doubted: Doubted) -> FloatArray:
     viscous = sum(value for name, value in values.items() if name in _VISCOUS)
     if doubted.input_unit != "V":
         return doubted.none
+    timing = doubted.fitted.structure.timing
+    delay = values.get(INPUT, timing.delays.get(INPUT, 0.0))
     # The lag is uniformly distributed between zero and the whole delay.
-    coil = max(doubted.longest_lag, 0.0)
+    coil = float(np.clip(delay, 0.0, _LONGEST_COIL))
     return doubted.common(abs(viscous) * coil / np.sqrt(3.0), "motor")
 
 
 def lag(doubted: Doubted) -> FloatArray:
-    """Return errors if the input's delay is a first-order lag, which reduces the input.
-
-    At the resonance ω a lag τ has the gain 1 / sqrt(1 + (ω τ)²), a delay the gain 1. A delay is a
-    pure delay with probability 1/2; otherwise its lag is uniform between zero and all of it.
-    """
-    if doubted.by_lag is not None:
-        return doubted.by_lag[:, None]
-    mean_square = 0.5 * 0.2  # of (τ / delay)², which is 0 with probability 1/2
-    phase = declared.resonance(doubted.fitted.by_name) * doubted.longest_lag
-    lost = min(0.5 * phase**2 * np.sqrt(mean_square), 1.0)
-    return doubted.diagonal(lambda name, value: lost * value * (name == "beta1"))
+    """Return errors if the input's delay is a first-order lag, which reduces the input."""
+    return doubted.none if doubted.by_lag is None else doubted.by_lag[:, None]
 
 
 def dead_zone(doubted: Doubted) -> FloatArray:
