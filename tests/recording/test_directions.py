@@ -1,4 +1,4 @@
-"""Signs that contradict the drive's mechanics are reversed, and no others.
+"""Signs that contradict the mechanics are reversed and exchanged sides named, and no others.
 
 The motion follows from the link's, ``q``, a sum of sines. Without friction of the link, ``theta = q
 + J q'' / k`` and ``u = M theta'' + J q'' + f theta'``.
@@ -59,6 +59,15 @@ def let_down() -> dict[str, FloatArray]:
     return {"time": TIME, "motor_position": angle, "motor_torque": torque}
 
 
+def pushed() -> dict[str, FloatArray]:
+    """Return a pushed link, whose spring moves a motor without friction under a small torque."""
+    motor = np.array([np.sin(w * TIME + k) / w for k, w in enumerate(SLOW)])
+    torque = 0.01 * np.sin(3.7 * TIME)
+    link = (1.0 - M * np.square(SLOW) / K) @ motor - torque / K
+    link, motor = (COUNT * np.rint(values / COUNT) for values in (link, motor.sum(axis=0)))
+    return {"time": TIME, "link_position": link, "motor_position": motor, "motor_torque": torque}
+
+
 RIGHT: Mapping[str, Mapping[str, FloatArray]] = {
     "two encoders": driven(*SLOW),
     "a deflection": with_deflection(driven(*SLOW)),
@@ -70,14 +79,22 @@ RIGHT: Mapping[str, Mapping[str, FloatArray]] = {
     "a deflection of such": with_deflection(driven(*BEYOND)),
     "a load that pulls against the torque": with_one_encoder(driven(*BETWEEN)),
     "a load that is let down": let_down(),
+    "a link that is pushed": pushed(),
 }
 
 
 @pytest.mark.parametrize("case", RIGHT)
 def test_what_is_right_is_not_turned(case: str) -> None:
-    """Assert that right signs cause no warning."""
+    """Assert that right signs and sides cause no warning."""
     log = read_columns(RIGHT[case])
-    assert not any("the other sign" in warning for warning in log.warnings)
+    assert not any("the other sign" in w or "exchange" in w for w in log.warnings)
+
+
+def test_columns_of_the_other_side_are_named() -> None:
+    """Assert the warning about a log that has the link's encoder as the motor's and vice versa."""
+    other = {"link_position": "motor_position", "motor_position": "link_position"}
+    log = read_columns({other.get(n, n): v for n, v in RIGHT["two encoders"].items()})
+    assert any("exchange both columns" in warning for warning in log.warnings)
 
 
 @pytest.mark.parametrize(

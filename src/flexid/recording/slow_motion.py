@@ -11,7 +11,7 @@ encoders differ in scale. If gravity fits a torque, or a deflection, with 57.3, 
 the angle instead of the angle, the unit of the angle is wrong. A deflection opposes the link's
 acceleration, and a torque has the sign of the motor's: if a log shows the opposite, a sign is
 wrong, since stiffness and inertia are positive, and a drive cannot return more energy than it
-received.
+received. If the motor moves like a link and the input drives the other side, both are exchanged.
 """
 
 from __future__ import annotations
@@ -67,6 +67,13 @@ def check_motion(log: Draft, recording: Recording, *, alone: bool) -> None:
     share, error = scales_apart(recording) if known and not wrong else (0.0, 0.0)
     if wrong:
         log.warn(place, wrong, Rank.SCALE)
+    elif alone and _are_exchanged(recording):
+        log.warn(
+            place,
+            "the input seems to drive link_position, which moves motor_position through the "
+            "spring: exchange both columns",
+            Rank.SCALE,
+        )
     elif share:
         ratio = "gear_ratio divided" if recording.joint == "revolute" else "lead multiplied"
         log.warn(
@@ -103,6 +110,26 @@ def _wrong_unit(recording: Recording) -> str:
                 f"{words}: check the unit"
             )
     return ""
+
+
+def _are_exchanged(recording: Recording) -> bool:
+    """Whether the motor follows the mechanics of a link, and the link those of a driven motor."""
+    smoothed = smoothing(recording)
+    motor, link, acts = recording.motor_position, recording.link_position, recording.input
+    if smoothed is None or link is None or acts is None or recording.clamped:
+        return False
+    if recording.link_from_deflection:
+        return False
+    bent = smoothed(link - motor)
+    (is_right, left), (is_other_right, left_other) = (
+        _opposes(sign * bent, smoothed(side, 2), _resistance(recording, smoothed, side))
+        for sign, side in ((1.0, link), (-1.0, motor))
+    )
+    if not is_other_right or (is_right and left_other > _BETTER_FIT * left):
+        return False
+    # A pushed link also moves a motor at rest through the spring, but by no input.
+    own = [smoothed(link, 2), *_resistance(recording, smoothed, link)]
+    return left_over(bent, own, [smoothed(acts)]) < _BETTER_FIT * left_over(bent, own)
 
 
 def late_input(recording: Recording) -> Iterator[str]:

@@ -12,7 +12,6 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.samples import Samples, side_by_side
 from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.estimators.steady_gains import Sizes
