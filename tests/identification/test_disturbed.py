@@ -42,7 +42,7 @@ from flexid.recording.recording import Hold, Recording
 
 CORE = ("theta2", "alpha1", "beta1")
 HARDENS = 20.0 * 150.0  # N m/rad³
-BOUC_WEN = {"hysteresis_torque": 4.0, "hysteresis_reach": 0.02, "hysteresis_power": 3.0}
+BOUC_WEN: Any = {"hysteresis_torque": 4.0, "hysteresis_reach": 0.02, "hysteresis_power": 3.0}
 
 
 @dataclass(frozen=True)
