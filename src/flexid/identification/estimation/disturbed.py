@@ -47,6 +47,7 @@ from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import (
     DISSIPATIVE,
+    HARDENING,
     HYSTERESIS_GRIP,
     SHAPE_TERMS,
     SPRING,
@@ -65,7 +66,6 @@ _MOTOR_OF_LINK = {SPRING[0]: SPRING[1]} | {
     for term in (TERMS["cubic_stiffness"], SHAPE_TERMS["backlash"])
     for link, motor in zip(term.link, term.motor, strict=True)
 }
-_HARDENING = {*TERMS["cubic_stiffness"].link, *TERMS["cubic_stiffness"].motor}
 # Least relative increase of the stiffness by play; less may be due to an encoder's steps.
 _LEAST_STIFFER = 0.02
 _WIDTHS = 5  # most fits until the width of play equals its gap
@@ -108,7 +108,7 @@ def fit_disturbed(
             with_shapes = False
             timing = _with_link_delay(structure.timing, skewed.delay)
             # A cubic spring would soften until the motion diverges.
-            structure = replace(structure.without(_HARDENING), timing=timing)
+            structure = replace(structure.without(HARDENING), timing=timing)
             factor = thinning(data, _start(structure, data))
     # A low-passed input has no steps, so hold and delay are indistinguishable.
     tried = [structure.with_hold(hold) for hold in (holds if factor == 1 else holds[:1])]
