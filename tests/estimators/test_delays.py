@@ -9,7 +9,7 @@ from noisy_joint import SAMPLE_TIME, VALUES, clean_motion, late_motion
 from scipy.interpolate import CubicSpline
 from scipy.stats import t
 
-from flexid.estimators.channel_timing import INPUT, Timing, held_input
+from flexid.estimators.channel_timing import INPUT, Timing, after_a_lag, held_input
 from flexid.estimators.prediction_error import PredictionErrorFit, described, minimise
 from flexid.estimators.samples import Samples, divide, first_states
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
@@ -77,6 +77,18 @@ def test_delay_of_the_deflection_is_found():
     assert_within(fit(samples, timing), [INPUT_DELAY, LINK_DELAY])
     wrong = fit(samples, BOTH)
     assert abs(wrong.values[-1] - LINK_DELAY) > 20.0 * wrong.standard_deviations[-1]
+
+
+@pytest.mark.parametrize("samples", [0.3, 1.0, 7.5])
+def test_a_lag_attenuates_like_its_closed_form(samples: float):
+    """Assert the amplitude of a sine after a lag, and that parts of a channel give the whole."""
+    turn = 0.2  # rad per sample
+    sine = np.sin(turn * np.arange(4000))
+    whole = after_a_lag(sine, samples)
+    amplitude = np.sqrt(2.0 * np.mean(whole[1000:] ** 2))
+    assert amplitude == pytest.approx(1.0 / np.hypot(1.0, samples * turn), rel=3e-3)
+    part = after_a_lag(sine[2000:], samples, sine[1000:2000])
+    assert part == pytest.approx(whole[2000:], abs=1e-12)
 
 
 @pytest.mark.parametrize("relative_to", [{}, {"link": "motor"}])

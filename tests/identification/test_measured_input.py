@@ -23,15 +23,17 @@ from made_joint import (
     seen,
     structure,
 )
+from made_joint import TRUTH as TRUE
 from scipy.signal import lfilter
 
 import flexid.identification.estimation.inputs as inputs
 import flexid.identification.full_model.amplifier as amplifier_module
-from flexid.estimators.channel_timing import INPUT, Timing
+from flexid.estimators.channel_timing import INPUT, Timing, after_a_lag
 from flexid.estimators.samples import Samples
 from flexid.identification.estimation.answers import Answer
 from flexid.identification.estimation.disturbed import fit_disturbed
 from flexid.identification.estimation.disturbed_estimate import pulled
+from flexid.identification.estimation.input_lag import lag_error, likely_lag
 from flexid.identification.estimation.inputs import _is_likelier
 from flexid.identification.estimation.model_error import (
     behind_a_dead_zone,
@@ -163,9 +165,52 @@ def test_a_lag_in_a_delays_place_has_the_error_that_it_makes(noise, lag, share):
     assert found[-1] == 0.0
 
 
+@pytest.mark.parametrize("noise", [3e-4, 2e-3])
+def test_a_lag_is_sought_in_a_delays_place(noise):
+    """Assert a lag of 6 ms within 3 %."""
+    assert likely_lag(behind_a_lag(noise, 6e-3)) == pytest.approx(6e-3, rel=0.03)
+
+
+@pytest.mark.parametrize(("noise", "lag"), [(5e-3, 6e-3), (3e-4, -6e-3)])
+def test_a_lag_is_not_taken_for_certain(noise, lag):
+    """Assert that no lag is found if it is likelier by eight standard deviations, or a lead."""
+    assert likely_lag(behind_a_lag(noise, lag)) == 0.0
+
+
+@pytest.mark.parametrize("lag", [5e-3, 7e-3])
+def test_the_error_of_a_lag_is_foretold(lag):
+    """Assert the error of the gain if an input is corrected for 5 or 7 ms instead of 6 ms."""
+    recording = made(1, noise=3e-4)
+    torque = recording.needed_input
+    logged = torque + 6e-3 * np.gradient(torque, SAMPLE_TIME)
+    found = late(replace(recording, input=after_a_lag(logged, lag / SAMPLE_TIME)))
+    place = found.names.index("beta1")
+    actual = abs(found.values[place] - COEFFICIENTS["beta1"])
+    assert actual > 20.0 * found.unit_deviations[place]
+    error = lag_error(found, lag)
+    assert abs(error[place]) == pytest.approx(actual, rel=0.15)
+    assert error[found.names.index(INPUT)] == 0.0
+
+
+def test_an_input_behind_a_lag_is_corrected():
+    """Assert the lag of an amplifier, and that the intervals hold, and are narrow."""
+    recording = made(1)
+    torque = recording.needed_input
+    logged = torque + 6e-3 * np.gradient(torque, SAMPLE_TIME)
+    found = identify([log(replace(recording, input=logged))])
+    assert found.choices.amplifier.lag == pytest.approx(6e-3, rel=0.05)
+    assert any("its amplifier had a lag of 5.9 ms" in warning for warning in found.warnings)
+    for name in ("gravity_torque", "link_inertia", "joint_stiffness", "motor_inertia"):
+        lower, upper = found.parameters[name].interval
+        assert lower < TRUE[name] < upper
+        assert upper - lower < 2e-3 * TRUE[name]
+
+
 def test_a_delay_is_no_lag():
-    """Assert no such error for a true delay, or for a lead."""
-    assert not lagged(late(made(1, input_delay=3e-3))).any()
+    """Assert no such error for a true delay, or for a lead, and no lag in its place."""
+    delayed = late(made(1, input_delay=3e-3))
+    assert not lagged(delayed).any()
+    assert likely_lag(delayed) == 0.0
     recording = made(1)
     torque, times = recording.needed_input, recording.sample_time * np.arange(len(recording))
     early = late(replace(recording, input=np.interp(times - 3e-3, times, torque)))
@@ -287,9 +332,11 @@ def test_a_log_that_was_low_passed_is_corrected():
         assert 1e-4 * trial.truth[name] < upper - lower < 0.05 * trial.truth[name]
 
 
-@pytest.mark.parametrize(("early", "sought"), [(0.26, True), (0.24, False), (-3.0, False)])
-def test_a_filter_is_sought_if_the_motor_is_early(monkeypatch, early, sought):
-    """Assert that a motor must move a quarter of a sample before its input."""
+@pytest.mark.parametrize(
+    ("early", "sought"), [(0.26, True), (0.24, False), (-0.26, True), (-0.24, False)]
+)
+def test_a_filter_is_sought_if_the_motor_is_early_or_late(monkeypatch, early, sought):
+    """Assert that a motor must move a quarter of a sample before or after its input."""
     reported = SimpleNamespace(by_name={INPUT: -1e-3 * early}, excess=9.0)
     estimate = Estimate((), np.zeros(0), np.zeros((0, 0)), ())
     found = Answer(cast(Any, SimpleNamespace(reported=reported)), cast(Any, None), estimate)
@@ -300,6 +347,7 @@ def test_a_filter_is_sought_if_the_motor_is_early(monkeypatch, early, sought):
     )
     monkeypatch.setattr(amplifier_module, "DrivenBalance", lambda *_: balance)
     monkeypatch.setattr(inputs, "answer", lambda _: found)
+    monkeypatch.setattr(inputs, "likely_lag", lambda _: 0.0)
     monkeypatch.setattr(inputs, "_with_amplifier", lambda _, job: job)
     steps: list[str] = []
     training = SimpleNamespace(samples=[SimpleNamespace(sample_time=1e-3)])

@@ -15,6 +15,7 @@ from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
 _SIZES = (8, 9, 10, 12, 15)  # times a power of two: lengths with a fast Fourier transform
+_TIME_CONSTANTS = 8.0  # length of a lag's impulse response
 _EDGE = 16  # samples at either end that the reflection distorts
 
 
@@ -39,6 +40,24 @@ def before_a_lag(
     """
     last = values[:1] if earlier is None else earlier[-1:]
     return values + samples * np.diff(values, prepend=last)
+
+
+def after_a_lag(
+    values: FloatArray, samples: float, earlier: FloatArray | None = None
+) -> FloatArray:
+    """Return a channel, shape (n,), after a first-order lag of so many samples.
+
+    `earlier` values precede the first one; without them the channel was constant before. The
+    response decays geometrically. It has the variance of the lag's, so it attenuates alike; its
+    delay is shorter by half a sample or less.
+    """
+    whole = values if earlier is None else np.concatenate((earlier, values))
+    count = min(len(whole), int(_TIME_CONSTANTS * samples) + 2)
+    # The variance of a geometric distribution is kept / (1 - kept)**2.
+    kept = 1.0 - 2.0 / (1.0 + np.sqrt(1.0 + 4.0 * samples**2))
+    kernel = kept ** np.arange(count)
+    lagging = np.convolve(whole - whole[0], kernel / kernel.sum())[: len(whole)]
+    return whole[0] + lagging[len(whole) - len(values) :]
 
 
 def rate_of_later(values: FloatArray, samples: float) -> FloatArray:

@@ -283,6 +283,8 @@ def amplifier_warnings(amplifier: Amplifier, unit: str) -> Iterator[Caution]:
         found.append(f"a dead zone of {amplifier.dead_zone:.2g} {unit}")
     if amplifier.limit is not None:
         found.append(f"a limit of {amplifier.limit:.3g} {unit}")
+    if amplifier.lag:
+        found.append(f"a lag of {1e3 * amplifier.lag:.2g} ms")
     if found:
         yield Caution(
             f"the motor moves as if its amplifier had {' and '.join(found)}: the input was "

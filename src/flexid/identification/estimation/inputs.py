@@ -5,18 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
 from flexid.identification.estimation.answers import Answer, answer
+from flexid.identification.estimation.input_lag import lag_error, likely_lag
 from flexid.identification.preparation.recordings import IDEAL, Amplifier
 from flexid.identification.structure.gap import CHANCE
 from flexid.identification.structure.job import Job
 from flexid.identification.vocabulary.thresholds import Thresholds
 
 _CLEAR_GAIN = 0.1  # least relative fall of an exact fit's excess for a corrected input
-# Least time in samples by which a motor acts before its filtered input. A filter of less differs
-# from a delay by 0.3 % of a motion that is sampled 20 times a period.
-_LEAST_EARLY = 0.25
+# Least delay of a filtered input in samples. A filter of less differs from a delay by 0.3 % of a
+# motion that is sampled 20 times a period.
+_LEAST_SHIFT = 0.25
 
 
 def answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
@@ -38,23 +40,30 @@ def answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
     if found is None or amplifier.corrects:
         job = _with_amplifier(amplifier, logged)
         found = answer(job)
-    early = -found.fits.reported.by_name.get(INPUT, 0.0)
-    sample_time = job.training.samples[0].sample_time
-    if early > _LEAST_EARLY * sample_time and not _explains(found, job.thresholds):
-        job.progress("a filter of the logged input")
-        lagging = balance.with_log_lag(amplifier, early)
-        unfiltered = _with_amplifier(lagging, logged)
-        other = found
-        if lagging.log_lag:
+    late = found.fits.reported.by_name.get(INPUT, 0.0)
+    shifted = abs(late) > _LEAST_SHIFT * job.training.samples[0].sample_time
+    errors: list[FloatArray] = []
+    if shifted and not _explains(found, job.thresholds):
+        job.progress("a filter of the input")
+        if late < 0.0:
+            filtering = balance.with_log_lag(amplifier, -late)
+        else:
+            filtering = replace(amplifier, lag=likely_lag(found.fits.reported))
+        filtered, other = _with_amplifier(filtering, logged), found
+        if filtering != amplifier:
             with suppress(ConvergenceError):
-                other = answer(unfiltered)
+                other = answer(filtered)
         if _is_likelier(other, found):
-            job, found, amplifier = unfiltered, other, lagging
-            changes.append(balance.log_lag_changes(lagging))
+            job, found, amplifier = filtered, other, filtering
+            if late < 0.0:
+                changes.append(balance.log_lag_changes(filtering))
+            else:
+                errors.append(lag_error(found.fits.reported, filtering.lag))
     estimate = found.estimate
     for change in changes:
-        moved = estimate.values * [change.get(name, 0.0) for name in estimate.names]
-        estimate = estimate.widened(np.outer(moved, moved))
+        errors.append(estimate.values * [change.get(name, 0.0) for name in estimate.names])
+    for error in errors:
+        estimate = estimate.widened(np.outer(error, error))
     return job, replace(found, estimate=estimate), amplifier
 
 

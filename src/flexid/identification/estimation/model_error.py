@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.estimators.channel_timing import INPUT, before_a_lag
+from flexid.estimators.channel_timing import INPUT, after_a_lag, before_a_lag
 from flexid.identification.full_model.fitting import beyond_noise, fit_like
 from flexid.identification.full_model.model import ROUGH, Fitted, once_per_fit
 from flexid.identification.preparation.recordings import Amplifier
@@ -154,7 +154,6 @@ def _growth(
 _DRAWS = 16
 _SPREAD = 3.0  # standard deviations of the effect of one log's noise
 SEED = 20031
-_TIME_CONSTANTS = 8.0  # length of a lag's impulse response
 _DEAD_ZONE = 0.02  # standard deviation over the largest input: amplifiers have up to 4 %
 _LINEAR = 0.1  # of the dead zone, for the trial: the effect of a larger one is not linear
 
@@ -218,7 +217,7 @@ def lagged(fitted: Fitted) -> FloatArray:
     signal = fitted.problem.segments.inputs[:, 0].copy()
     bounds = fitted.problem.segments.recording_starts
     for samples, first, last in zip(fitted.data.samples, bounds[:-1], bounds[1:], strict=True):
-        other = _low_passed if delay > 0.0 else before_a_lag
+        other = after_a_lag if delay > 0.0 else before_a_lag
         signal[first:last] = other(signal[first:last], abs(delay) / samples.sample_time)
     own = np.array([name == INPUT for name in fitted.names])
     more, change = _change(fitted, signal, np.where(own, 0.0, fitted.values))
@@ -242,13 +241,6 @@ def behind_a_dead_zone(fitted: Fitted) -> FloatArray:
     whole, rise = change / _LINEAR, more / _LINEAR**2
     chance = CHANCE * max(fitted.excess, 1.0)
     return whole * np.sqrt(chance / rise) if rise > chance else whole
-
-
-def _low_passed(signal: FloatArray, time_constant: float) -> FloatArray:
-    """Return a signal after a first-order lag with a time constant in samples, from rest."""
-    count = min(len(signal), int(_TIME_CONSTANTS * time_constant) + 2)
-    kernel = np.exp(-np.arange(count) / time_constant)
-    return signal[0] + np.convolve(signal - signal[0], kernel / kernel.sum())[: len(signal)]
 
 
 def error_of(

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
-from flexid.estimators.channel_timing import before_a_lag, invalid_ends, later
+from flexid.estimators.channel_timing import after_a_lag, before_a_lag, invalid_ends, later
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.settings import Auto
 from flexid.models.motion import JointType, unit_of
@@ -75,6 +75,7 @@ class Amplifier:
     dead_zone: float = 0.0  # in the input's unit
     limit: float | None = None  # largest output, in the input's unit; None for no limit
     log_lag: float = 0.0  # time constant in s of a first-order filter before the log
+    lag: float = 0.0  # time constant in s of its own response, of first order
 
     @property
     def corrects(self) -> bool:
@@ -92,7 +93,11 @@ class Amplifier:
         self, logged: FloatArray, sample_time: float, earlier: FloatArray | None = None
     ) -> FloatArray:
         """Return the input after the amplifier, shape (n,); `earlier` samples precede it."""
-        return self.passed(before_a_lag(logged, self.log_lag / sample_time, earlier))
+        passed = self.passed(before_a_lag(logged, self.log_lag / sample_time, earlier))
+        if not self.lag:
+            return passed
+        before = None if earlier is None else self.passed(earlier)
+        return after_a_lag(passed, self.lag / sample_time, before)
 
     def behind(self, recording: Recording) -> Recording:
         """Return the recording with the amplifier's output as its input."""
