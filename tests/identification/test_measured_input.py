@@ -26,6 +26,7 @@ from made_joint import (
 from made_joint import TRUTH as TRUE
 from scipy.signal import lfilter
 
+import flexid.identification.estimation.input_lag as input_lag
 import flexid.identification.estimation.inputs as inputs
 import flexid.identification.full_model.amplifier as amplifier_module
 from flexid.estimators.channel_timing import INPUT, Timing, after_a_lag
@@ -347,7 +348,7 @@ def test_a_filter_is_sought_if_the_motor_is_early_or_late(monkeypatch, early, so
     )
     monkeypatch.setattr(amplifier_module, "DrivenBalance", lambda *_: balance)
     monkeypatch.setattr(inputs, "answer", lambda _: found)
-    monkeypatch.setattr(inputs, "likely_lag", lambda _: 0.0)
+    monkeypatch.setattr(input_lag, "likely_lag", lambda _: 0.0)
     monkeypatch.setattr(inputs, "_with_amplifier", lambda _, job: job)
     steps: list[str] = []
     training = SimpleNamespace(samples=[SimpleNamespace(sample_time=1e-3)])

@@ -9,7 +9,6 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
 from flexid.identification.estimation.answers import Answer, answer
-from flexid.identification.estimation.input_lag import lag_error, likely_lag
 from flexid.identification.preparation.recordings import IDEAL, Amplifier
 from flexid.identification.structure.gap import CHANCE
 from flexid.identification.structure.job import Job
@@ -31,7 +30,8 @@ def answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
     found = None if is_voltage else answer(job)
     if found is not None and (not job.input_unit or _explains(found, job.thresholds)):
         return job, found, IDEAL
-    # Imported late: a log whose terms explain it does not need this module.
+    # Imported late: a log whose terms explain it does not need these modules.
+    from flexid.identification.estimation.input_lag import lag_error, likely_lag
     from flexid.identification.full_model.amplifier import DrivenBalance
 
     logged, balance = job, DrivenBalance(job.structure, job.training)
@@ -60,9 +60,8 @@ def answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
             else:
                 errors.append(lag_error(found.fits.reported, filtering.lag))
     estimate = found.estimate
-    for change in changes:
-        errors.append(estimate.values * [change.get(name, 0.0) for name in estimate.names])
-    for error in errors:
+    shares = ([change.get(name, 0.0) for name in estimate.names] for change in changes)
+    for error in (*errors, *(estimate.values * own for own in shares)):
         estimate = estimate.widened(np.outer(error, error))
     return job, replace(found, estimate=estimate), amplifier
 
