@@ -31,33 +31,25 @@ def later(values: FloatArray, samples: float) -> FloatArray:
     return moved[: len(values)] + own.first + own.slope * places
 
 
-def before_a_lag(
-    values: FloatArray, samples: float, earlier: FloatArray | None = None
-) -> FloatArray:
+def before_a_lag(values: FloatArray, samples: float) -> FloatArray:
     """Invert a first-order lag of so many samples: return its input, shape (n,), from its output.
 
-    `earlier` values precede the first one; without them the channel was constant before.
+    The channel was constant before.
     """
-    last = values[:1] if earlier is None else earlier[-1:]
-    return values + samples * np.diff(values, prepend=last)
+    return values + samples * np.diff(values, prepend=values[:1])
 
 
-def after_a_lag(
-    values: FloatArray, samples: float, earlier: FloatArray | None = None
-) -> FloatArray:
+def after_a_lag(values: FloatArray, samples: float) -> FloatArray:
     """Return a channel, shape (n,), after a first-order lag of so many samples.
 
-    `earlier` values precede the first one; without them the channel was constant before. The
-    response decays geometrically. It has the variance of the lag's, so it attenuates alike; its
-    delay is shorter by half a sample or less.
+    The channel was constant before. The response decays geometrically. It has the variance of the
+    lag's, so it attenuates alike; its delay is shorter by half a sample or less.
     """
-    whole = values if earlier is None else np.concatenate((earlier, values))
-    count = min(len(whole), int(_TIME_CONSTANTS * samples) + 2)
+    count = min(len(values), int(_TIME_CONSTANTS * samples) + 2)
     # The variance of a geometric distribution is kept / (1 - kept)**2.
     kept = 1.0 - 2.0 / (1.0 + np.sqrt(1.0 + 4.0 * samples**2))
     kernel = kept ** np.arange(count)
-    lagging = np.convolve(whole - whole[0], kernel / kernel.sum())[: len(whole)]
-    return whole[0] + lagging[len(whole) - len(values) :]
+    return values[0] + np.convolve(values - values[0], kernel / kernel.sum())[: len(values)]
 
 
 def rate_of_later(values: FloatArray, samples: float) -> FloatArray:

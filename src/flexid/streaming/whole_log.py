@@ -14,6 +14,7 @@ from flexid.files import sha256, shown
 from flexid.identification.identify import identify
 from flexid.identification.judgement import widest
 from flexid.identification.preparation.joint import joint_of
+from flexid.identification.preparation.recordings import MEMORY
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.preparation.stated import stated
 from flexid.identification.result import (
@@ -68,7 +69,7 @@ def identify_stream(
     with closing(Replay(path, columns, found.model)) as replay:
         session = Session(_options(replay, log, found, settings))
         clock = _Clock(replay.name, session.options.sample_time)
-        earlier = None
+        earlier = np.empty(0)
         for samples in replay:
             clock.check(samples[:, 0])
             if session.options.n_inputs:
@@ -76,7 +77,7 @@ def identify_stream(
                 samples[:, -1] = found.choices.amplifier.reached(
                     logged, session.options.sample_time, earlier
                 )
-                earlier = logged
+                earlier = np.concatenate((earlier, logged))[-MEMORY:]
             session.feed(samples)
             share = f"{100 * session.fed / all_rows:.0f} %"
             progress(f"{share} of {all_rows / 1e6:.3g} million samples")

@@ -23,6 +23,7 @@ from flexid.identification.estimation.doubts import (
     OF_AN_EXACT_FIT,
     Doubted,
     Repeat,
+    another_law,
     between_bands,
     covariance_of,
     widened,
@@ -185,8 +186,10 @@ def _exact(job: Job, fits: FinalFits, validation: Validation) -> Answer:
                 fits = _fits_to_all(job, choice, fallback=False)
     job.progress("removed terms")
     estimate = with_doubts(fits, job.delay_in_doubt, thresholds)
-    doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (job.input_unit == "V")
     reported, unit = fits.reported, job.input_unit
+    doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (unit == "V")
+    if reported.excess > thresholds.sensor_excess:
+        doubts += (another_law,)
     dead_zone = behind_a_dead_zone(reported) if unit == "V" else None
     doubted = Doubted(reported, {}, {}, unit, None, by_lag=lagged(reported), by_dead_zone=dead_zone)
     errors = [(covariance_of(doubt(doubted)), DOUBTS[doubt]) for doubt in doubts]

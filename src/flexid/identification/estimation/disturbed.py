@@ -108,7 +108,7 @@ def fit_disturbed(
             with_shapes = False
             timing = _with_link_delay(structure.timing, skewed.delay)
             # A cubic spring would soften until the motion diverges.
-            structure = replace(structure.without(HARDENING), timing=timing)
+            structure = replace(structure.without(HARDENING - {*kept}), timing=timing)
             factor = thinning(data, _start(structure, data))
     # A low-passed input has no steps, so hold and delay are indistinguishable.
     tried = [structure.with_hold(hold) for hold in (holds if factor == 1 else holds[:1])]
@@ -122,6 +122,8 @@ def fit_disturbed(
         lost = 0.0 if played is full else by_play
     if with_shapes:
         full = min((played, *_with_hysteresis(full, data, factor)), key=_cost)
+        if full is not played:  # hysteresis explains what looked like play
+            by_play, lost = 0.0, 0.0
     best, evidence = _with_shown_terms(full, data, factor, kept, thresholds)
     if is_damping(best.fitted.by_name):  # delay and friction are equivalent to one damping
         without = structure.without({LINK})
@@ -234,7 +236,7 @@ def _with_play(
 
 
 def _with_hysteresis(fit: FitInBand, data: Data, factor: int) -> Iterator[FitInBand]:
-    """Yield the fit with hysteresis of the spring, if it explains clearly more of the link."""
+    """Yield the fit with hysteresis if it brakes, is likelier and explains clearly more."""
     structure, joint = fit.fitted.structure, fit.fitted.structure.joint
     if not joint.remembered or not joint.remembered <= structure.absent:
         return

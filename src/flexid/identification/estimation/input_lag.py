@@ -19,11 +19,11 @@ from flexid.identification.full_model.model import Fitted
 
 _LONGEST = 1.2  # of a delay: longest lag that is sought in its place
 _FINE = 0.03  # of a delay: tolerance of the search
-_TRIED = (0.4, 0.8)  # of a delay: lags of which one must explain more in a single step
+_TRIED = (0.4, 0.8)  # of a delay: lags of which one must explain more after one slow step
 # Fall of -2 log(likelihood) that only a lag causes. On logs of a lag it was 86 to 5000, where it is
 # ten standard deviations. On one of a delay it was 71, since Stribeck friction was not described.
 _DECISIVE = 100.0
-_ITERATIONS = 4  # Gauss-Newton steps for each lag
+_ITERATIONS = 4  # slow Gauss-Newton steps for each lag
 _APART = 0.2  # of a squared lag: distance at which its effect and its likelihood are computed
 
 
@@ -39,7 +39,7 @@ def likely_lag(fitted: Fitted) -> float:
     if min(_with_lag(fitted, share * delay, 1)[0] for share in _TRIED) > before:
         return 0.0
     least: Any = minimize_scalar(
-        lambda lag: _with_lag(fitted, lag)[0],
+        lambda lag: min(_with_lag(fitted, lag)[0], 2.0 * before),  # finite if the motion diverges
         bounds=(0.0, _LONGEST * delay),
         method="bounded",
         options={"xatol": _FINE * delay},
@@ -51,20 +51,21 @@ def lag_error(fitted: Fitted, lag: float) -> FloatArray:
     """Return the error of each value, shape (k,), by that of the lag of a corrected input.
 
     Two further lags in series give the cost and the values as parabolas of the squared lag. The
-    error is the distance from the least cost, and the standard deviation by the curvature.
+    error is the distance from the least cost, and the standard deviation by the curvature. It is a
+    tenth of the lag at most, since a decisive lag is known better; without a least cost it is that.
     """
     step = _APART * lag**2
     (near, closer), (far, farther) = (
         _with_lag(fitted, np.sqrt(times * step)) for times in (1.0, 2.0)
     )
     here = fitted.minimum.equations.cost
-    curvature = (here - 2.0 * near + far) / step**2
-    if not np.isfinite(curvature) or curvature <= 0.0:
-        return np.zeros(len(fitted.names))
-    away = (4.0 * near - 3.0 * here - far) / (2.0 * step * curvature)
-    deviation = np.sqrt(2.0 * max(fitted.excess, 1.0) / curvature)
     rate = (4.0 * closer - 3.0 * fitted.values - farther) / (2.0 * step)
-    return np.where(_is_delay(fitted), 0.0, rate) * np.hypot(away, deviation)
+    curvature, size = (here - 2.0 * near + far) / step**2, step
+    if np.isfinite(curvature) and curvature > 0.0:
+        away = (4.0 * near - 3.0 * here - far) / (2.0 * step * curvature)
+        deviation = np.sqrt(2.0 * max(fitted.excess, 1.0) / curvature)
+        size = min(float(np.hypot(away, deviation)), step)
+    return size * np.where(_is_delay(fitted), 0.0, rate)
 
 
 def _with_lag(

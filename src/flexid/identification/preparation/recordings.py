@@ -68,6 +68,10 @@ class SplitRecordings:
             yield first, first + own
 
 
+MEMORY = 4096
+"""Samples after which an input no longer acts through a lag: eight times 40 ms at 10 kHz."""
+
+
 @dataclass(frozen=True)
 class Amplifier:
     """Amplifier and log filter between the logged input and the motor; ideal by default."""
@@ -92,12 +96,15 @@ class Amplifier:
     def reached(
         self, logged: FloatArray, sample_time: float, earlier: FloatArray | None = None
     ) -> FloatArray:
-        """Return the input after the amplifier, shape (n,); `earlier` samples precede it."""
-        passed = self.passed(before_a_lag(logged, self.log_lag / sample_time, earlier))
-        if not self.lag:
-            return passed
-        before = None if earlier is None else self.passed(earlier)
-        return after_a_lag(passed, self.lag / sample_time, before)
+        """Return the input after the amplifier, shape (n,).
+
+        `earlier` samples precede it, at best `MEMORY` or more; without them it was constant before.
+        """
+        whole = logged if earlier is None else np.concatenate((earlier, logged))
+        passed = self.passed(before_a_lag(whole, self.log_lag / sample_time))
+        if self.lag:
+            passed = after_a_lag(passed, self.lag / sample_time)
+        return passed[len(whole) - len(logged) :]
 
     def behind(self, recording: Recording) -> Recording:
         """Return the recording with the amplifier's output as its input."""
