@@ -389,12 +389,14 @@ def less_likely(by: float, *, in_sizes: bool = True) -> Callable[[FitInBand], Fi
     return far_off
 
 
+# The fit without friction has several minima, so its own likelihood depends on the processor.
 @pytest.mark.parametrize(
-    ("by", "fits", "stays"), [(1e4, {2, 3}, True), (1e4, {2}, False), (-1e4, {2}, False)]
+    ("by", "stays"),
+    [({2: 1e5, 3: 1e5}, True), ({2: 1e5, 3: -1e5}, False), ({2: -1e5}, False)],
 )
 @pytest.mark.parametrize("in_sizes", [True, False])
 def test_what_a_balance_cannot_do_without_stays(
-    monkeypatch: pytest.MonkeyPatch, in_sizes: bool, by: float, fits: set[int], stays: bool
+    monkeypatch: pytest.MonkeyPatch, in_sizes: bool, by: dict[int, float], stays: bool
 ):
     """Assert that a friction is kept if the fit without it leaves far more, despite few blocks.
 
@@ -407,7 +409,8 @@ def test_what_a_balance_cannot_do_without_stays(
         return leaner.without({"alpha_coulomb"}), evidence
 
     monkeypatch.setattr(disturbed, "eliminate", too_much)
-    nth_fit(monkeypatch, fits, less_likely(by, in_sizes=in_sizes))
+    changes = iter([less_likely(more, in_sizes=in_sizes) for more in by.values()])
+    nth_fit(monkeypatch, by, lambda fit: next(changes)(fit))
     found = CASES["a drive that stops"].fit().fitted
     assert ("alpha_coulomb" in found.names) == stays
 
