@@ -15,6 +15,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, after_a_lag
 from flexid.estimators.prediction_error import NEGLIGIBLE, minimise
+from flexid.identification.estimation.model_error import filtered_input
 from flexid.identification.full_model.model import Fitted
 
 _LONGEST = 1.2  # of a delay: longest lag that is sought in its place
@@ -77,9 +78,7 @@ def _with_lag(
     """
     problem, point = fitted.problem, fitted.minimum.point
     inputs = problem.segments.inputs.copy()
-    bounds = problem.segments.recording_starts
-    for samples, first, last in zip(fitted.data.samples, bounds[:-1], bounds[1:], strict=True):
-        inputs[first:last, 0] = after_a_lag(inputs[first:last, 0], lag / samples.sample_time)
+    inputs[:, 0] = filtered_input(fitted, after_a_lag, lag)
     driven = replace(problem, segments=replace(problem.segments, inputs=inputs))
     start = replace(point, values=fitted.values - lag * _is_delay(fitted))
     try:

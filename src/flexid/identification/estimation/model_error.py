@@ -214,11 +214,7 @@ def lagged(fitted: Fitted) -> FloatArray:
     delay = fitted.by_name.get(INPUT, 0.0)
     if delay == 0.0:
         return np.zeros(len(fitted.names))
-    signal = fitted.problem.segments.inputs[:, 0].copy()
-    bounds = fitted.problem.segments.recording_starts
-    for samples, first, last in zip(fitted.data.samples, bounds[:-1], bounds[1:], strict=True):
-        other = after_a_lag if delay > 0.0 else before_a_lag
-        signal[first:last] = other(signal[first:last], abs(delay) / samples.sample_time)
+    signal = filtered_input(fitted, after_a_lag if delay > 0.0 else before_a_lag, abs(delay))
     own = np.array([name == INPUT for name in fitted.names])
     more, change = _change(fitted, signal, np.where(own, 0.0, fitted.values))
     chance = CHANCE * max(fitted.excess, 1.0)
@@ -227,6 +223,16 @@ def lagged(fitted: Fitted) -> FloatArray:
     # If the log does not decide, the lag is uniform between zero and the whole delay.
     share = 1.0 if more < -chance else 1.0 / np.sqrt(3.0)
     return share * np.where(own, 0.0, change)
+
+
+def filtered_input(
+    fitted: Fitted, filtered: Callable[[FloatArray, float], FloatArray], lag: float
+) -> FloatArray:
+    """Return the first input, shape (n_samples,), with each recording filtered by a lag in s."""
+    signal = fitted.problem.segments.inputs[:, 0].copy()
+    for part, sample_time in fitted.problem.segments.by_recording():
+        signal[part] = filtered(signal[part], lag / sample_time)
+    return signal
 
 
 def behind_a_dead_zone(fitted: Fitted) -> FloatArray:
