@@ -283,7 +283,7 @@ def _with_shape(
     shape: SoughtShape, by_length: FitsByLength, before: Fitted, job: Job, chosen: Choice
 ) -> FitsByLength | None:
     """Return fits with a shape whose constant is sought; None if play is the leaner explanation."""
-    rest = chosen.by_length.found, job.progress, job.thresholds
+    rest = chosen.by_length.found, job.progress, job.thresholds, job.kept
     found = fit_with_shape(shape, by_length, before, *rest)
     return None if found is None or is_slack(found.found[-1]) else found
 

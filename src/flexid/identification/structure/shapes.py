@@ -9,7 +9,7 @@ Such a term is tried if the usual terms leave more than noise. It starts with th
 predicted to explain the most. Then the fit finds coefficients and constant together.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
 
@@ -27,8 +27,8 @@ from flexid.identification.full_model.fits_by_length import (
     sampled,
     turning,
 )
-from flexid.identification.full_model.fitting import fit_by_length
-from flexid.identification.full_model.model import Data, Fitted, Structure
+from flexid.identification.full_model.fitting import fit_by_length, fit_like
+from flexid.identification.full_model.model import ROUGH, Data, Fitted, Structure
 from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.structure.gap import about_its_own_centre, as_wide_as_its_gap
@@ -37,6 +37,7 @@ from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import (
     BEND_DEFLECTION,
+    HARDENING,
     RIPPLE_NUMBER,
     SHAPE_TERMS,
     SOUGHT_CONSTANTS,
@@ -61,6 +62,7 @@ class SoughtShape:
     resolution: Callable[[Joint, Data], float]
     # returns the lower limit of a visible constant
     least: Callable[[Fitted], float] = lambda _: 0.0
+    in_place_of: frozenset[str] = frozenset()  # coefficients of a similar usual term
 
     def of(self, structure: Structure) -> float:
         """Return the constant of a structure."""
@@ -88,20 +90,26 @@ def fit_with_shape(
     chosen: Sequence[Fitted],
     progress: Progress,
     thresholds: Thresholds,
+    kept: Collection[str] = (),
 ) -> FitsByLength | None:
     """Fit a joint with one more term if the fit without it leaves more than noise.
 
-    Returns None if the term hardly helps, or if another term explains more.
+    A similar term is left out unless it is `kept`. Returns None if the term hardly helps, or if
+    another term explains more.
     """
-    full = by_length.found[-1].structure
+    similar = shape.in_place_of - {*kept}
+    full = by_length.found[-1].structure.without(similar)
     if shape.coefficients.isdisjoint(full.joint.shapes):
         return None
     progress(shape.words)
     floor = thresholds.noise_floor(by_length.found[0].excess)
-    for promise, structure in _promising(shape, sampled(before), full):
+    bare = sampled(before)
+    if not similar.isdisjoint(bare.names):
+        bare = fit_like(bare.structure.without(similar), bare, ROUGH) or bare
+    for promise, structure in _promising(shape, bare, full):
         if promise < thresholds.shape_promise:
             continue
-        start = before.by_name
+        start = bare.by_name
         first = explained_by(before, structure, start, floor, thresholds, shape.is_seen_in)
         if first is not None:
             worse = leaves_more(first, chosen, thresholds)
@@ -315,6 +323,8 @@ BEND = SoughtShape(
     BEND_DEFLECTION,
     deflections,
     _apart_in_deflection,
+    # Beside a cubic term, which explains most of a bend, steps end in a wrong minimum.
+    in_place_of=HARDENING,
 )
 """A bent spring, and the deflection at which it bends."""
 
