@@ -146,6 +146,7 @@ SHAPE_TERMS = {name: Term.declared(content) for name, content in DECLARED["shape
 STRIBECK_VELOCITY = "stribeck_velocity"
 BACKLASH_WIDTH = "backlash_width"
 SPRING_CENTRE = "spring_centre"
+CONTACT_DEFLECTION = "contact_deflection"
 BEND_DEFLECTION = "bend_deflection"
 RIPPLE_NUMBER = "ripple_number"
 RIPPLE_ORIGIN = "ripple_origin"
@@ -157,8 +158,8 @@ SHAPES = tuple(DECLARED["constants"])
 SOUGHT_CONSTANTS = frozenset(term.constant for term in SHAPE_TERMS.values() if term.constant)
 """Constants that are estimated together with the coefficients of their terms."""
 
-WIDTHS = tuple(name for name in SHAPES if name != SPRING_CENTRE)
-"""Constants without a usable default; the centre of a spring is 0 unless it is given."""
+WIDTHS = tuple(name for name in SHAPES if name not in (SPRING_CENTRE, CONTACT_DEFLECTION))
+"""Constants without a usable default; the others are 0 unless they are given."""
 
 CONSTANT_UNITS = {SMOOTHING: "rad/s"} | {
     name: unit for name, (_, unit) in DECLARED["constants"].items()
@@ -214,6 +215,9 @@ POSITIVE = frozenset({*SPRING, "beta1"})
 
 HARDENING = frozenset(TERMS["cubic_stiffness"].coefficients)
 """Coefficients of a spring that hardens or softens."""
+
+PLAY = frozenset(SHAPE_TERMS["backlash"].coefficients)
+"""Coefficients of play."""
 
 DAMPING = frozenset(TERMS["joint_damping"].coefficients)
 """Coefficients of the damping of the spring."""
@@ -280,9 +284,21 @@ def flexible_joint(
     chosen += [term for name, term in every.items() if name in terms and name != "gravity"]
     link = {c: r for term in chosen for c, r in term.link.items()}
     motor = {c: r for term in chosen for c, r in term.motor.items()} | {"beta1": "u"}
+    if "backlash" in terms:
+        link, motor = _hardening_from_contact(link), _hardening_from_contact(motor)
     rows = {"link": ("x1", "x2", link), "motor": ("x3", "x4", motor)}
     memories = tuple(term.memory for term in chosen if term.memory)
     return _declared("flexible joint", rows, known or {}, coulomb_velocity, memories)
+
+
+def _hardening_from_contact(regressors: Mapping[str, str]) -> dict[str, str]:
+    """Return a row's regressors, with hardening by the deflection beyond that of the contact."""
+    own, contact = f"x1 - x3 - {SPRING_CENTRE}", CONTACT_DEFLECTION
+    beyond = f"{own} - (abs({own} + {contact}) - abs({own} - {contact}))/2"
+    return {
+        name: text.replace(own, beyond) if name in HARDENING else text
+        for name, text in regressors.items()
+    }
 
 
 RIGID_TERMS: dict[str, dict[str, str]] = {

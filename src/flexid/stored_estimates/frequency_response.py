@@ -13,7 +13,6 @@ from flexid.errors import SettingError
 from flexid.estimators.normal_equations import eigen
 from flexid.identification.preparation.joint import Kind, joint_of
 from flexid.identification.result import Identification
-from flexid.identification.structure.gap import PLAY
 from flexid.identification.vocabulary.evidence import (
     CONFIDENCE,
     Interval,
@@ -23,7 +22,7 @@ from flexid.identification.vocabulary.evidence import (
     slopes_of,
 )
 from flexid.kernels.store import model_kernel
-from flexid.models.flexible_joint import coefficients_of
+from flexid.models.flexible_joint import PLAY, coefficients_of
 from flexid.models.motion import unit_of
 from flexid.models.parametric_system import ParametricSystem
 from flexid.stored_estimates.structure import structure_of, values_of

@@ -41,9 +41,9 @@ from flexid.identification.estimation.model_error import (
 from flexid.identification.estimation.rig_errors import likely_changes, with_sensor_error
 from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.full_model.starting import least_squares_start, suited_rate
-from flexid.identification.structure.gap import PLAY, with_free_width
+from flexid.identification.structure.gap import with_free_width
 from flexid.identification.vocabulary.evidence import Estimate
-from flexid.models.flexible_joint import HARDENING
+from flexid.models.flexible_joint import HARDENING, PLAY
 from flexid.recording.velocities import position_noise
 
 _BANDS = (0.5, 2.0)  # factors of the usual number of samples per period

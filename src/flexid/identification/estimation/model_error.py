@@ -27,11 +27,11 @@ from flexid.estimators.channel_timing import INPUT, after_a_lag, before_a_lag
 from flexid.identification.full_model.fitting import beyond_noise, fit_like
 from flexid.identification.full_model.model import ROUGH, Fitted, once_per_fit
 from flexid.identification.preparation.recordings import Amplifier
-from flexid.identification.structure.gap import CHANCE, PLAY, is_dead_zone
+from flexid.identification.structure.gap import CHANCE, is_dead_zone
 from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS
 from flexid.identification.vocabulary.evidence import Estimate, ModelError
 from flexid.identification.vocabulary.thresholds import Thresholds
-from flexid.models.flexible_joint import DISSIPATIVE, HARDENING
+from flexid.models.flexible_joint import DISSIPATIVE, HARDENING, PLAY
 from flexid.recording.velocities import position_noise
 
 _WHITE = 3.0  # power of time of the variance of a motion under white noise

@@ -20,6 +20,7 @@ from flexid.estimators.segmented_motion import SegmentedMotion
 from flexid.estimators.unknowns import Bounds, Unknowns
 from flexid.identification.preparation.joint import ElasticArm, Joint
 from flexid.identification.vocabulary.evidence import Estimate
+from flexid.models.flexible_joint import CONTACT_DEFLECTION, PLAY
 from flexid.recording.recording import Hold, Recording
 from flexid.recording.slow_motion import scales_apart
 from flexid.recording.velocities import position_noise
@@ -177,13 +178,14 @@ class Structure(Generic[M]):
         gone = {name.partition("[")[0] for name in names}
         gone |= {c for c, (source, _, _) in self.joint.ties.items() if source in gone}
         gone |= {own for c, own in self.joint.nonlinear.items() if c in gone}
+        joint = self.joint.with_widths({CONTACT_DEFLECTION: 0.0}) if gone >= PLAY else self.joint
         timing = replace(
             self.timing,
             sought=tuple(name for name in self.timing.sought if name not in gone),
             delays={name: value for name, value in self.timing.delays.items() if name not in gone},
         )
         delays = {*self.timing.sought}
-        return replace(self, absent=self.absent | (gone - delays), timing=timing)
+        return replace(self, joint=joint, absent=self.absent | (gone - delays), timing=timing)
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,7 +45,9 @@ from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,
+    CONTACT_DEFLECTION,
     HARDENING,
+    PLAY,
     SHAPE_TERMS,
     SPRING,
     SPRING_CENTRE,
@@ -53,9 +55,6 @@ from flexid.models.flexible_joint import (
 
 # Pairs of play and spring coefficients, the motor's first.
 _GAPS = (*zip(SHAPE_TERMS["backlash"].coefficients, SPRING, strict=True),)[::-1]
-PLAY = frozenset(SHAPE_TERMS["backlash"].coefficients)
-"""Coefficients of play."""
-
 LIKELIER = 0.9
 """Largest ratio of a link's unexplained squared acceleration with play or hysteresis to without."""
 
@@ -161,7 +160,7 @@ def following(fitted: Fitted, width: float) -> Structure:
 
 def as_wide(structure: Structure, width: float, centre: float | None = None) -> Structure:
     """Return the structure with another width of play and, if given, another centre, in rad."""
-    shape = {BACKLASH_WIDTH: width}
+    shape = {BACKLASH_WIDTH: width, CONTACT_DEFLECTION: width}
     if centre is not None:
         shape[SPRING_CENTRE] = centre
     return replace(structure, joint=structure.joint.with_widths(shape))

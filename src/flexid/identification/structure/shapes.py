@@ -94,27 +94,40 @@ def fit_with_shape(
 ) -> FitsByLength | None:
     """Fit a joint with one more term if the fit without it leaves more than noise.
 
-    A similar term is left out unless it is `kept`. Returns None if the term hardly helps, or if
-    another term explains more.
+    Returns None if the term hardly helps, or if another term explains more.
     """
-    similar = shape.in_place_of - {*kept}
-    full = by_length.found[-1].structure.without(similar)
+    full = by_length.found[-1].structure
     if shape.coefficients.isdisjoint(full.joint.shapes):
         return None
     progress(shape.words)
     floor = thresholds.noise_floor(by_length.found[0].excess)
-    bare = sampled(before)
-    if not similar.isdisjoint(bare.names):
-        bare = fit_like(bare.structure.without(similar), bare, ROUGH) or bare
-    for promise, structure in _promising(shape, bare, full):
-        if promise < thresholds.shape_promise:
-            continue
-        start = bare.by_name
-        first = explained_by(before, structure, start, floor, thresholds, shape.is_seen_in)
-        if first is not None:
-            worse = leaves_more(first, chosen, thresholds)
-            return None if worse else _fit_longer(first, by_length, thresholds)
+    for wider, start in _beside_or_in_place(shape, full, sampled(before), kept):
+        for promise, structure in _promising(shape, start, wider):
+            if promise < thresholds.shape_promise:
+                continue
+            rest = floor, thresholds, shape.is_seen_in
+            first = explained_by(before, structure, start.by_name, *rest)
+            if first is not None:
+                worse = leaves_more(first, chosen, thresholds)
+                return None if worse else _fit_longer(first, by_length, thresholds)
     return None
+
+
+def _beside_or_in_place(
+    shape: SoughtShape, full: Structure, before: Fitted, kept: Collection[str]
+) -> Iterator[tuple[Structure, Fitted]]:
+    """Yield structures that a shape may extend, each with a fit without the shape.
+
+    The second one lacks a similar term, unless it is `kept`: beside a term that explains most of
+    the shape, steps may end in a wrong minimum.
+    """
+    yield full, before
+    similar = shape.in_place_of - {*kept}
+    if similar.isdisjoint(before.names):
+        return
+    bare = fit_like(before.structure.without(similar), before, ROUGH)
+    if bare is not None:
+        yield full.without(similar), bare
 
 
 def fit_requested_shape(
@@ -323,7 +336,6 @@ BEND = SoughtShape(
     BEND_DEFLECTION,
     deflections,
     _apart_in_deflection,
-    # Beside a cubic term, which explains most of a bend, steps end in a wrong minimum.
     in_place_of=HARDENING,
 )
 """A bent spring, and the deflection at which it bends."""
