@@ -49,24 +49,21 @@ def test_a_gap_is_found_as_wide_as_it_is(true_gap):
     assert first.excess > 1.05
 
 
-@pytest.mark.parametrize(
-    ("play", "cubic", "share"), [(2e-2, 0.0, 1.0), (4e-2, 1e3, 1.0 / 3.0), (0.0, 2e4, 0.0)]
-)
-def test_play_and_hardening_are_distinguished(play: float, cubic: float, share: float):
-    """Assert the doubt about stiffness: all that play hides, or a third or more with hardening."""
+@pytest.mark.parametrize(("play", "cubic"), [(2e-2, 0.0), (4e-2, 1e3), (0.0, 2e4)])
+def test_play_and_hardening_are_distinguished(play: float, cubic: float):
+    """Assert the stiffness by least squares, and the doubt without play: all that it hides."""
     structure, data = posed(made(1, 7.0, half_gap=play, cubic_stiffness=cubic), "cubic_stiffness")
     found = gap.likely_play(structure, data)
     if not play:
         assert found is None or found.doubt == 0.0
         return
     assert found is not None
-    hard, _ = least_squares_start(structure, data, gap.RATES[0])
-    hidden = COEFFICIENTS["theta2"] / hard["theta2"] - 1.0
-    assert hidden > 0.05
-    if cubic:
-        assert share * hidden < found.doubt < hidden
-    else:
-        assert found.doubt == found.stiffer == pytest.approx(hidden, abs=0.02 * (1.0 + hidden))
+    for name in ("theta2", "theta_cubic") if cubic else ("theta2",):
+        assert found.start[name] == pytest.approx(
+            {**COEFFICIENTS, "theta_cubic": cubic}[name], 0.01
+        )
+    without = min(least_squares_start(structure, data, rate)[0]["theta2"] for rate in gap.RATES)
+    assert 0.05 < found.doubt == found.stiffer < 1.02 * found.start["theta2"] / without - 1.0
 
 
 def test_a_link_that_no_spring_moves_has_no_play():
@@ -106,6 +103,31 @@ def test_a_gap_beside_what_is_given(true_gap, given):
     assert found.parameters["half_backlash"].std > 0.0
     assert found.choices.shapes["backlash_width"] == pytest.approx(true_gap, rel=0.1)
     assert max(found.residual_excess.values()) < 1.05
+
+
+@pytest.mark.parametrize("cubic", [1e3, -60.0])
+def test_a_spring_hardens_from_the_contact_on(cubic: float):
+    """Assert exact values for play with a spring that hardens or softens beyond its contact."""
+    found = identify([log(made(1, 7.0, half_gap=0.04, cubic_stiffness=cubic, noise=1e-4))])
+    assert found.choices.terms == (*PAPER_TERMS, "cubic_stiffness", "backlash")
+    truth = {"joint_stiffness": 100.0, "cubic_joint_stiffness": cubic, "half_backlash": 0.04}
+    for name, value in truth.items():
+        assert found.parameters[name].value == pytest.approx(value, rel=2e-3)
+    shapes = found.choices.shapes
+    assert shapes["contact_deflection"] == shapes["backlash_width"]
+
+
+def test_without_play_there_is_no_contact():
+    """Assert that a spring whose play is removed hardens from its centre on."""
+    played = gap.as_wide(with_gap(HALF_GAP, "backlash", "cubic_stiffness").structure, HALF_GAP, 0.1)
+    removed = played.without(["alpha_backlash"])
+    for structure, contact in (
+        (played, HALF_GAP),
+        (removed, 0.0),
+        (gap.as_wide(removed, HALF_GAP), 0.0),
+    ):
+        constants = structure.joint.extended.constants
+        assert (constants["contact_deflection"], constants["spring_centre"]) == (contact, 0.1)
 
 
 @pytest.mark.parametrize("terms", [{"half_gap": HALF_GAP}, {"cubic_stiffness": 4e3}], ids=str)

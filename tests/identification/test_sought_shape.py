@@ -18,6 +18,7 @@ from flexid.identification.preparation.settings import Settings
 from flexid.identification.structure.shapes import BEND, RIPPLE, STRIBECK, fit_with_shape
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
+from flexid.models.flexible_joint import HARDENING
 
 NUMBER, PHASE = 23.4, 0.8
 RIPPLED: dict[str, Any] = {"ripple_torque": 0.3, "ripple_number": NUMBER, "ripple_phase": PHASE}
@@ -170,6 +171,23 @@ def test_the_spectrum_by_position_shows_the_number():
     assert few == pytest.approx(resolution * np.linspace(1.0, 4.0, 5))
 
 
+def test_a_bend_is_sought_in_place_of_a_cubic_spring():
+    """Assert that a bend is found from which the steps beside a cubic term lead away."""
+    found = identify([log(made(2, bend=0.5, bend_stiffness=-35.0, noise=1e-4))])
+    assert "bent_spring" in found.choices.terms
+    assert found.parameters["joint_stiffness"].value == pytest.approx(100.0, rel=1e-4)
+    assert found.parameters["bend_stiffness"].value == pytest.approx(-35.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(("names", "kept"), [(("theta2",), ()), (("alpha_cubic",), HARDENING)])
+def test_nothing_is_sought_in_place_of_what_is_absent_or_kept(monkeypatch, names, kept):
+    """Assert that no fit without a similar term is made in these cases."""
+    monkeypatch.setattr(shapes, "fit_like", lambda *_: pytest.fail("a fit without the term"))
+    before = cast(Fitted, SimpleNamespace(names=names))
+    ((_, start),) = shapes._beside_or_in_place(BEND, cast(Any, None), before, kept)
+    assert start is before
+
+
 PROMISES = {0.1: 0.3, 0.2: 0.9, 0.3: 0.5}
 SAME, LONGER = 4, 2  # segments
 
@@ -201,6 +219,7 @@ def test_which_constants_are_followed(monkeypatch, promises, holding, begun, cho
         return before if tried[-1] == holding else None
 
     before = over(SAME, 9.0)
+    before.names = ("theta2",)
     by_length = FitsByLength((before,), cast(Any, (range(SAME),)), True, ("cubic",), "")
     monkeypatch.setattr(shapes, "_promised", lambda _, s: promises[shape.of(s)])
     monkeypatch.setattr(shapes, "sampled", lambda fit: fit)

@@ -20,8 +20,10 @@ from flexid.models.flexible_joint import (
     ANGULAR_TERMS,
     BACKLASH_WIDTH,
     COEFFICIENT_UNITS,
+    CONTACT_DEFLECTION,
     COULOMB_VELOCITY,
     HYSTERESIS_GRIP,
+    PLAY,
     RIGID_TERMS,
     RIGID_UNITS,
     RIPPLE_ORIGIN,
@@ -140,8 +142,10 @@ class Joint:
             for name, regressor in row.regressors.items()
             if name in coefficients
         ]
-        constants = self.constants.items()
-        return {name: v for name, v in constants if any(name in r for r in regressors)}
+        constants = self.constants
+        if PLAY.isdisjoint(coefficients):
+            constants.pop(CONTACT_DEFLECTION, None)
+        return {name: v for name, v in constants.items() if any(name in r for r in regressors)}
 
     @property
     def with_shapes_in_least_squares(self) -> "Joint":

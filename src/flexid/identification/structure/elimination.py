@@ -114,7 +114,10 @@ def choose_structure(
         return choose_structure(fewer, kept, with_shapes, progress, thresholds)
     if fitted.structure.timing.hold != wider.structure.timing.hold:
         asked = by_length
-    fitted = settled(fitted)
+    as_settled = settled(fitted)
+    if as_settled is not fitted:  # terms that made up for the wrong width are not needed any more
+        other, gone = _until_stable(as_settled, as_settled.structure, kept, thresholds)
+        fitted, evidence = other or as_settled, latest(evidence, gone)
     if asked.tied:  # a leaner model may distinguish the holds
         fitted, reason, tied = best_hold(fitted, asked.holds, thresholds)
         asked = replace(asked, hold_reason=reason, tied=tied)

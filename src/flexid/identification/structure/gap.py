@@ -160,7 +160,8 @@ def following(fitted: Fitted, width: float) -> Structure:
 
 def as_wide(structure: Structure, width: float, centre: float | None = None) -> Structure:
     """Return the structure with another width of play and, if given, another centre, in rad."""
-    shape = {BACKLASH_WIDTH: width, CONTACT_DEFLECTION: width}
+    has_play = not PLAY & structure.joint.shapes <= structure.absent
+    shape = {BACKLASH_WIDTH: width, CONTACT_DEFLECTION: width if has_play else 0.0}
     if centre is not None:
         shape[SPRING_CENTRE] = centre
     return replace(structure, joint=structure.joint.with_widths(shape))
