@@ -184,7 +184,7 @@ def test_nothing_is_sought_in_place_of_what_is_absent_or_kept(monkeypatch, names
     """Assert that no fit without a similar term is made in these cases."""
     monkeypatch.setattr(shapes, "fit_like", lambda *_: pytest.fail("a fit without the term"))
     before = cast(Fitted, SimpleNamespace(names=names))
-    ((_, start),) = shapes._beside_or_in_place(BEND, cast(Any, None), before, kept)
+    ((_, start),) = shapes._alternatives(BEND, cast(Any, None), before, kept)
     assert start is before
 
 

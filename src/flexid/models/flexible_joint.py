@@ -144,6 +144,7 @@ SHAPE_TERMS = {name: Term.declared(content) for name, content in DECLARED["shape
 """Less usual terms, which can be switched on too; each is a family of shapes."""
 
 STRIBECK_VELOCITY = "stribeck_velocity"
+STRIBECK_EXPONENTIAL = "stribeck_exponential"  # 1 if friction falls so, 0 if by a Gaussian
 BACKLASH_WIDTH = "backlash_width"
 SPRING_CENTRE = "spring_centre"
 CONTACT_DEFLECTION = "contact_deflection"
@@ -158,7 +159,8 @@ SHAPES = tuple(DECLARED["constants"])
 SOUGHT_CONSTANTS = frozenset(term.constant for term in SHAPE_TERMS.values() if term.constant)
 """Constants that are estimated together with the coefficients of their terms."""
 
-WIDTHS = tuple(name for name in SHAPES if name not in (SPRING_CENTRE, CONTACT_DEFLECTION))
+_USABLE = {SPRING_CENTRE, CONTACT_DEFLECTION, STRIBECK_EXPONENTIAL}
+WIDTHS = tuple(name for name in SHAPES if name not in _USABLE)
 """Constants without a usable default; the others are 0 unless they are given."""
 
 CONSTANT_UNITS = {SMOOTHING: "rad/s"} | {

@@ -9,8 +9,9 @@ Such a term is tried if the usual terms leave more than noise. It starts with th
 predicted to explain the most. Then the fit finds coefficients and constant together.
 """
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from operator import itemgetter
 
 import numpy as np
@@ -27,7 +28,7 @@ from flexid.identification.full_model.fits_by_length import (
     sampled,
     turning,
 )
-from flexid.identification.full_model.fitting import fit_by_length, fit_like
+from flexid.identification.full_model.fitting import fit_by_length, fit_from, fit_like
 from flexid.identification.full_model.model import ROUGH, Data, Fitted, Structure
 from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.preparation.joint import Joint
@@ -43,6 +44,7 @@ from flexid.models.flexible_joint import (
     SOUGHT_CONSTANTS,
     SPRING,
     SPRING_CENTRE,
+    STRIBECK_EXPONENTIAL,
     STRIBECK_VELOCITY,
 )
 
@@ -63,6 +65,7 @@ class SoughtShape:
     # returns the lower limit of a visible constant
     least: Callable[[Fitted], float] = lambda _: 0.0
     in_place_of: frozenset[str] = frozenset()  # coefficients of a similar usual term
+    laws: tuple[Mapping[str, float], ...] = ({},)  # values of further constants that are tried
 
     def of(self, structure: Structure) -> float:
         """Return the constant of a structure."""
@@ -101,27 +104,34 @@ def fit_with_shape(
         return None
     progress(shape.words)
     floor = thresholds.noise_floor(by_length.found[0].excess)
-    for wider, start in _beside_or_in_place(shape, full, sampled(before), kept):
+    firsts: list[Fitted] = []
+    for wider, start in _alternatives(shape, full, sampled(before), kept):
         for promise, structure in _promising(shape, start, wider):
             if promise < thresholds.shape_promise:
                 continue
             rest = floor, thresholds, shape.is_seen_in
             first = explained_by(before, structure, start.by_name, *rest)
             if first is not None:
-                worse = leaves_more(first, chosen, thresholds)
-                return None if worse else _fit_longer(first, by_length, thresholds)
-    return None
+                firsts.append(first)
+                break
+    if len(firsts) > 1:  # they are compared when they have converged
+        firsts = [fit_from(first, first.structure) or first for first in firsts]
+    best = min(firsts, key=lambda first: first.excess, default=None)
+    if best is None or leaves_more(best, chosen, thresholds):
+        return None
+    return _fit_longer(best, by_length, thresholds)
 
 
-def _beside_or_in_place(
+def _alternatives(
     shape: SoughtShape, full: Structure, before: Fitted, kept: Collection[str]
 ) -> Iterator[tuple[Structure, Fitted]]:
     """Yield structures that a shape may extend, each with a fit without the shape.
 
-    The second one lacks a similar term, unless it is `kept`: beside a term that explains most of
-    the shape, steps may end in a wrong minimum.
+    There is one for each law of the shape. The last one lacks a similar term, unless it is `kept`:
+    beside a term that explains most of the shape, steps may end in a wrong minimum.
     """
-    yield full, before
+    for law in shape.laws:
+        yield replace(full, joint=full.joint.with_widths(law)), before
     similar = shape.in_place_of - {*kept}
     if similar.isdisjoint(before.names):
         return
@@ -140,7 +150,9 @@ def fit_requested_shape(
     """
     progress(shape.words)
     before = turning(by_length.found, thresholds) or by_length.found[-1]
-    promising = [*_promising(shape, before, by_length.found[-1].structure)]
+    full = by_length.found[-1].structure
+    wider = (replace(full, joint=full.joint.with_widths(law)) for law in shape.laws)
+    promising = [*chain.from_iterable(_promising(shape, before, own) for own in wider)]
     if not promising:
         raise ConvergenceError(
             "prediction error", f"nothing moves that would show {shape.words}: drop the term"
@@ -305,6 +317,7 @@ STRIBECK = SoughtShape(
     velocities,
     _apart_in_velocity,
     _lost_in_a_sample,
+    laws=({STRIBECK_EXPONENTIAL: 0.0}, {STRIBECK_EXPONENTIAL: 1.0}),
 )
 """Stribeck friction of the motor, and its velocity."""
 
