@@ -1,0 +1,188 @@
+"""Unusual terms in fits with disturbances: play, hysteresis, a bend, and Stribeck friction.
+
+Each is a law of the spring or of the motor's friction that the usual terms describe badly. It is
+kept if the fit becomes likelier and explains clearly more of the balance that the law belongs to.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from operator import itemgetter
+
+import numpy as np
+
+from flexid.errors import ConvergenceError
+from flexid.estimators.steady_gains import Sizes
+from flexid.identification.estimation.band import FitInBand, fit_in_band, noise_in_band
+from flexid.identification.full_model.fits_by_length import FOLLOWED, only_brakes
+from flexid.identification.full_model.fitting import expanded
+from flexid.identification.full_model.model import Data, Fitted, Structure
+from flexid.identification.structure.gap import (
+    CHANCE,
+    LIKELIER,
+    LikelyPlay,
+    following,
+    half_gap,
+    is_dead_zone,
+    met,
+    width_of,
+)
+from flexid.identification.structure.shapes import SoughtShape
+from flexid.models.flexible_joint import HYSTERESIS_GRIP, SHAPE_TERMS, SPRING, TERMS
+
+# Coefficients of the spring in the link's row, and those in the motor's row.
+_MOTOR_OF_LINK = {SPRING[0]: SPRING[1]} | {
+    link: motor
+    for term in (TERMS["cubic_stiffness"], SHAPE_TERMS["backlash"])
+    for link, motor in zip(term.link, term.motor, strict=True)
+}
+# Least relative increase of the stiffness by play; less may be due to an encoder's steps.
+_LEAST_STIFFER = 0.02
+_WIDTHS = 5  # most fits until the width of play equals its gap
+
+
+def with_play(
+    fit: FitInBand, likely: LikelyPlay, data: Data, factor: int
+) -> tuple[FitInBand, float]:
+    """Return the fit with play if it is likelier, otherwise the given fit, and the spring's doubt.
+
+    The doubt is the relative increase of the stiffness with play. If neither fit is clearly
+    likelier, it is the lesser of the increases by least squares and by the fit.
+    """
+    if likely.stiffer < _LEAST_STIFFER:
+        return fit, likely.doubt
+    start = _stiffer(fit.fitted.by_name, likely.start)
+    try:
+        played = fit_in_band(likely.structure, data, factor, start)
+        played = as_wide_as_its_gap(played, data, factor)
+        if played.cost > fit.cost + CHANCE:  # perhaps only since its sizes differ
+            structure, start = played.fitted.structure, played.fitted.by_name
+            other = fit_in_band(structure, data, factor, start, fit.sizes)
+            played = min(played, as_wide_as_its_gap(other, data, factor), key=cost_of)
+    except ConvergenceError:
+        return fit, likely.doubt
+    if played.cost > fit.cost + CHANCE:
+        return fit, 0.0
+    if not (is_dead_zone(played.fitted) and played.fitted.has_partners):
+        return fit, likely.doubt
+    stiffer = abs(played.fitted.by_name["theta2"] / fit.fitted.by_name["theta2"] - 1.0)
+    if played.cost < fit.cost - CHANCE:
+        return played, stiffer
+    return fit, min(stiffer, likely.doubt)
+
+
+def with_hysteresis(fit: FitInBand, data: Data, factor: int) -> Iterator[FitInBand]:
+    """Yield the fit with hysteresis if it brakes, is likelier and explains clearly more."""
+    structure, joint = fit.fitted.structure, fit.fitted.structure.joint
+    if not joint.remembered or not joint.remembered <= structure.absent:
+        return
+    structure = replace(structure, absent=structure.absent - joint.remembered)
+    start = {**fit.fitted.by_name, HYSTERESIS_GRIP: joint.first[HYSTERESIS_GRIP]}
+    for other in fits_in_band([(structure, start)], data, factor):
+        if _explains_more(other, fit, "link") and only_brakes(other.fitted):
+            yield other
+
+
+def _explains_more(other: FitInBand, fit: FitInBand, side: str) -> bool:
+    """Whether a fit is likelier than another, and explains clearly more of a balance."""
+    left, before = (shares_of(each.fitted, each.sizes)[side] for each in (other, fit))
+    return other.cost < fit.cost - CHANCE and left**2 < LIKELIER * before**2
+
+
+def with_shape(shape: SoughtShape, side: str, fit: FitInBand, data: Data, factor: int) -> FitInBand:
+    """Return the fit with a term whose constant is sought in the balance of a side, if likelier.
+
+    A quadratic approximation about the fit predicts the cost with each candidate of the constant.
+    """
+    structure = fit.fitted.structure
+    if shape.coefficients.isdisjoint(structure.joint.shapes) or shape.is_in(fit.fitted):
+        return fit
+    best = fit
+    for promised, wider in sorted(_promises(shape, fit), key=itemgetter(0))[:FOLLOWED]:
+        if promised > fit.fitted.minimum.equations.cost - CHANCE:
+            break
+        for other in fits_in_band([(wider, fit.fitted.by_name)], data, factor):
+            if _explains_more(other, fit, side) and other.cost < best.cost:
+                best = other
+    return best
+
+
+def _promises(shape: SoughtShape, fit: FitInBand) -> Iterator[tuple[float, Structure]]:
+    """Yield structures with each candidate of a shape's constant, and the costs to expect."""
+    fitted = fit.fitted
+    for without in (frozenset(), shape.in_place_of):
+        base = fitted.structure.without(without)
+        base = replace(base, absent=base.absent - shape.coefficients)
+        for law in shape.laws:
+            wider = replace(base, joint=base.joint.with_widths(law))
+            for value in shape.candidates(fitted.structure, fitted.data):
+                if value > shape.least(fitted):
+                    own = shape.put(wider, value)
+                    # A thinned log has another hold than its structure.
+                    held = own.with_hold(fitted.problem.timing.hold)
+                    minimum = expanded(held, fitted).minimum
+                    yield minimum.equations.cost - minimum.reduced.decrement, own
+        if shape.in_place_of.isdisjoint(fitted.names):
+            break
+
+
+def fits_in_band(
+    begun: Iterable[tuple[Structure, Mapping[str, float]]], data: Data, factor: int
+) -> Iterator[FitInBand]:
+    """Yield the fits from starts that converge."""
+    for structure, start in begun:
+        with suppress(ConvergenceError):
+            yield fit_in_band(structure, data, factor, start)
+
+
+def cost_of(fit: FitInBand) -> float:
+    """Return the cost of a fit."""
+    return fit.cost
+
+
+def _stiffer(values: Mapping[str, float], link: Mapping[str, float]) -> dict[str, float]:
+    """Return values with the link's spring by least squares, in both balances."""
+    own = {name: link[name] for name in _MOTOR_OF_LINK if name in link}
+    if "alpha1" not in values:
+        return {**values, **own}
+    motor = {alpha: own[theta] for theta, alpha in _MOTOR_OF_LINK.items() if theta in own}
+    share = values["alpha1"] / values["theta2"]
+    return {**values, **own, **{name: share * value for name, value in motor.items()}}
+
+
+def as_wide_as_its_gap(fit: FitInBand, data: Data, factor: int) -> FitInBand:
+    """Return the fit with the width of its play equal to its gap, or the last that converged."""
+    trail: list[tuple[float, float]] = []
+    with suppress(ConvergenceError):
+        for _ in range(_WIDTHS):
+            gap = half_gap(fit.fitted)
+            if gap <= 0.0 or is_dead_zone(fit.fitted):
+                break
+            trail.append((width_of(fit.fitted.structure), gap))
+            structure = following(fit.fitted, met(trail))
+            fit = fit_in_band(structure, data, factor, fit.fitted.by_name, fit.sizes)
+    return fit
+
+
+def shares_of(fitted: Fitted, sizes: Sizes) -> dict[str, float]:
+    """Return each balance's unexplained share: disturbance and sensor errors beyond noise."""
+    data, segments = fitted.data, fitted.problem.segments
+    squares, count = np.zeros(len(sizes.disturbances)), 0
+    for samples in data.samples:
+        assert samples.velocities is not None
+        rates = np.gradient(samples.velocities, samples.sample_time, axis=0)
+        squares, count = squares + np.sum(rates**2, axis=0), count + len(rates)
+    shares = sizes.disturbances**2 * count / np.maximum(squares, np.finfo(float).tiny)
+    joint = fitted.structure.joint
+    if joint.kind != "rigid":
+        moved = np.var(joint.channels_of(segments.outputs, segments.inputs)[:, -1])
+        # An error of either position acts on both rows through the spring.
+        beyond = np.sum(np.maximum(sizes.sensors**2 - noise_in_band(data) ** 2, 0.0))
+        shares = shares + beyond / max(float(moved), np.finfo(float).tiny)
+    names = [_side(row.name) for row in fitted.problem.unknowns.system.rows]
+    return dict(zip(names, np.minimum(np.sqrt(shares), 1.0).tolist(), strict=True))
+
+
+def _side(row: str) -> str:
+    """Return the side that a row is the balance of."""
+    return "motor" if row == "rigid" else row
