@@ -35,7 +35,7 @@ from flexid.identification.estimation.final_fits import (
     hidden_covariance,
     with_doubts,
 )
-from flexid.identification.estimation.model_error import behind_a_dead_zone, lagged
+from flexid.identification.estimation.model_error import behind_a_dead_zone, by_other_laws, lagged
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
     is_acceptable,
@@ -188,10 +188,12 @@ def _exact(job: Job, fits: FinalFits, validation: Validation) -> Answer:
     estimate = with_doubts(fits, job.delay_in_doubt, thresholds)
     reported, unit = fits.reported, job.input_unit
     doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (unit == "V")
+    laws = None
     if reported.excess > thresholds.sensor_excess:
-        doubts += (another_law,)
+        doubts, laws = (*doubts, another_law), by_other_laws(reported)
     dead_zone = behind_a_dead_zone(reported) if unit == "V" else None
-    doubted = Doubted(reported, {}, {}, unit, None, by_lag=lagged(reported), by_dead_zone=dead_zone)
+    rest = {"by_lag": lagged(reported), "by_dead_zone": dead_zone, "by_laws": laws}
+    doubted = Doubted(reported, {}, {}, unit, None, **rest)
     errors = [(covariance_of(doubt(doubted)), DOUBTS[doubt]) for doubt in doubts]
     errors.append((covariance_of(between_lengths(fits, thresholds)), OF_A_LENGTH))
     estimate, widest = widened(estimate, errors)

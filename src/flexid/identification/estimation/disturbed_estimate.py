@@ -35,6 +35,7 @@ from flexid.identification.estimation.excitations import row_sizes
 from flexid.identification.estimation.model_error import (
     SEED,
     behind_a_dead_zone,
+    by_other_laws,
     lagged,
     with_more,
 )
@@ -73,6 +74,7 @@ def disturbed_estimate(
         by_play if PLAY.isdisjoint(names) else 0.0,
         lagged(fitted),
         behind_a_dead_zone(fitted) if input_unit == "V" else None,
+        by_other_laws(fitted),
     )
     errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]
     if fitted.converged:  # otherwise there is nothing to compare other fits with

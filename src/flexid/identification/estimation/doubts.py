@@ -66,6 +66,7 @@ class Doubted:
     by_play: float = 0.0  # relative increase of the stiffness if the spring has play
     by_lag: FloatArray | None = None  # (k,): error of the values if the delay may be a lag
     by_dead_zone: FloatArray | None = None  # (k,): change of the values by an amplifier's dead zone
+    by_laws: FloatArray | None = None  # (k, m): change of the values by other laws of a term
 
     @property
     def none(self) -> FloatArray:
@@ -169,11 +170,16 @@ def play(doubted: Doubted) -> FloatArray:
 
 
 def another_law(doubted: Doubted) -> FloatArray:
-    """Return errors of a hysteresis by a law other than Dahl's: its torque and reach grow alike."""
+    """Return errors by another law of a term.
+
+    For hysteresis by another law than Dahl's, its torque and reach grow alike. Friction may be
+    anywhere between two laws.
+    """
     inverse = declared.HYSTERESIS_GRIP  # of the reach
     share = dict.fromkeys(_HYSTERESIS, _ANOTHER_LAW) | {inverse: -_ANOTHER_LAW}
     values = doubted.fitted.by_name
-    return np.array([share.get(name, 0.0) * values[name] for name in doubted.fitted.names])[:, None]
+    own = np.array([share.get(name, 0.0) * values[name] for name in doubted.fitted.names])[:, None]
+    return own if doubted.by_laws is None else np.hstack((own, doubted.by_laws / np.sqrt(3.0)))
 
 
 def noise_of_the_input(doubted: Doubted) -> FloatArray:
@@ -227,7 +233,7 @@ DOUBTS: Mapping[Doubt, str] = {
     lag: "the delay of the input may be a lag",
     dead_zone: "the amplifier may have a dead zone",
     play: LIKE_PLAY,
-    another_law: "its hysteresis may follow another law",
+    another_law: "friction or hysteresis may follow another law",
     noise_of_the_input: "the input's noise may come from its sensor",
     looks_like_a_term: LIKE_A_TERM,
     looks_like_the_acceleration: HEAVIER,

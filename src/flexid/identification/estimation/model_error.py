@@ -24,11 +24,12 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import INPUT, after_a_lag, before_a_lag
-from flexid.identification.full_model.fitting import beyond_noise, fit_like
+from flexid.estimators.prediction_error import minimise
+from flexid.identification.full_model.fitting import beyond_noise, expanded, fit_like
 from flexid.identification.full_model.model import ROUGH, Fitted, once_per_fit
 from flexid.identification.preparation.recordings import Amplifier
 from flexid.identification.structure.gap import CHANCE, is_dead_zone
-from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS
+from flexid.identification.structure.shapes import SOUGHT, SOUGHT_COEFFICIENTS
 from flexid.identification.vocabulary.evidence import Estimate, ModelError
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE, HARDENING, PLAY
@@ -89,10 +90,11 @@ def stand_in_covariance(fitted: Fitted, error: ModelError, thresholds: Threshold
     If a curved spring, a gap or an eccentric gear leaves a model error, the drive probably has
     another effect, and another stand-in would give other values. The added error is the largest
     change of the values without all or one of these terms. It is zero if a dead zone or terms with
-    sought constants explain the log.
+    sought constants explain the log. Terms with several laws have a doubt of their own.
     """
     joint = fitted.structure.joint
     stand_ins = {*joint.shapes, *HARDENING} & {*fitted.names} - {*joint.nonlinear.values()}
+    stand_ins -= {name for shape in SOUGHT if len(shape.laws) > 1 for name in shape.coefficients}
     exact = SOUGHT_COEFFICIENTS | (PLAY if is_dead_zone(fitted) else frozenset())
     explains = stand_ins <= exact and fitted.excess <= thresholds.sensor_excess
     if error.share == 0.0 or not stand_ins or explains:
@@ -152,6 +154,7 @@ def _growth(
 
 
 _DRAWS = 16
+_FEW = 6  # Gauss-Newton steps to another law
 _SPREAD = 3.0  # standard deviations of the effect of one log's noise
 SEED = 20031
 _DEAD_ZONE = 0.02  # standard deviation over the largest input: amplifiers have up to 4 %
@@ -223,6 +226,22 @@ def lagged(fitted: Fitted) -> FloatArray:
     # If the log does not decide, the lag is uniform between zero and the whole delay.
     share = 1.0 if more < -chance else 1.0 / np.sqrt(3.0)
     return share * np.where(own, 0.0, change)
+
+
+def by_other_laws(fitted: Fitted) -> FloatArray:
+    """Return the change of each value, shape (k, m), if a term follows another of its laws."""
+    structure = fitted.ended.with_hold(fitted.problem.timing.hold)
+    changes = []
+    for shape in SOUGHT:
+        if shape.coefficients.isdisjoint(fitted.names):
+            continue
+        for law in shape.laws:
+            joint = structure.joint.with_widths(law)
+            if joint.constants != structure.joint.constants:
+                seen = expanded(replace(structure, joint=joint), fitted)
+                start, rest = seen.minimum.point, {"insist": False, "iterations": _FEW}
+                changes.append(minimise(seen.problem, start, ROUGH, **rest).point.values)
+    return np.array([found - fitted.values for found in changes]).reshape(-1, len(fitted.names)).T
 
 
 def filtered_input(
