@@ -79,14 +79,14 @@ def with_hysteresis(fit: FitInBand, data: Data, factor: int) -> Iterator[FitInBa
     structure = replace(structure, absent=structure.absent - joint.remembered)
     start = {**fit.fitted.by_name, HYSTERESIS_GRIP: joint.first[HYSTERESIS_GRIP]}
     for other in fits_in_band([(structure, start)], data, factor):
-        if _explains_more(other, fit, "link") and only_brakes(other.fitted):
+        explains = _left(other, "link") ** 2 < LIKELIER * _left(fit, "link") ** 2
+        if other.cost < fit.cost - CHANCE and explains and only_brakes(other.fitted):
             yield other
 
 
-def _explains_more(other: FitInBand, fit: FitInBand, side: str) -> bool:
-    """Whether a fit is likelier than another, and explains clearly more of a balance."""
-    left, before = (shares_of(each.fitted, each.sizes)[side] for each in (other, fit))
-    return other.cost < fit.cost - CHANCE and left**2 < LIKELIER * before**2
+def _left(fit: FitInBand, side: str) -> float:
+    """Return the unexplained share of a balance."""
+    return shares_of(fit.fitted, fit.sizes)[side]
 
 
 def with_shape(shape: SoughtShape, side: str, fit: FitInBand, data: Data, factor: int) -> FitInBand:
@@ -101,9 +101,13 @@ def with_shape(shape: SoughtShape, side: str, fit: FitInBand, data: Data, factor
     for promised, wider in sorted(_promises(shape, fit), key=itemgetter(0))[:FOLLOWED]:
         if promised > fit.fitted.minimum.equations.cost - CHANCE:
             break
-        for other in fits_in_band([(wider, fit.fitted.by_name)], data, factor):
-            if _explains_more(other, fit, side) and other.cost < best.cost:
-                best = other
+        with suppress(ConvergenceError):
+            # With equal sizes the costs compare the terms alone; with its own, the term explains.
+            alike = fit_in_band(wider, data, factor, fit.fitted.by_name, fit.sizes)
+            if alike.cost < min(fit.cost - CHANCE, best.cost):
+                own = fit_in_band(alike.fitted.structure, data, factor, alike.fitted.by_name)
+                if _left(own, side) ** 2 < LIKELIER * _left(fit, side) ** 2:
+                    best = min(alike, own, key=cost_of)
     return best
 
 
