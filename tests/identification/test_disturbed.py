@@ -22,12 +22,13 @@ from made_joint import (
 )
 
 from flexid.errors import ConvergenceError
-from flexid.identification.estimation import band, disturbed
+from flexid.identification.estimation import band, disturbed, unusual_terms
 from flexid.identification.estimation import disturbed_estimate as estimating
 from flexid.identification.estimation.band import FitInBand
 from flexid.identification.estimation.disturbed import Disturbed, fit_disturbed, fit_disturbed_to
 from flexid.identification.estimation.disturbed_estimate import disturbed_estimate
 from flexid.identification.estimation.doubts import ECCENTRICITY
+from flexid.identification.estimation.model_error import by_other_laws
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
@@ -42,6 +43,13 @@ from flexid.recording.recording import Hold, Recording
 
 CORE = ("theta2", "alpha1", "beta1")
 HARDENS = 20.0 * 150.0  # N m/rad³
+BENT: Any = {"bend": 0.3, "bend_stiffness": 60.0}
+FALLING: Any = {
+    "motor_coulomb_up": 1.0,
+    "motor_coulomb_down": 1.0,
+    "motor_static": 1.5,
+    "stribeck_velocity": 2.0,
+}
 BOUC_WEN: Any = {"hysteresis_torque": 4.0, "hysteresis_reach": 0.02, "hysteresis_power": 3.0}
 
 
@@ -98,6 +106,15 @@ CASES = {
         lambda: made(7, torque_noise=0.5, **BOUC_WEN), ("gravity", "joint_damping"),
         with_shapes=True, more=(*COEFFICIENTS.items(),),
     ),
+    "a spring that bends": Case(
+        lambda: made(7, torque_noise=0.5, **BENT), ("gravity", "joint_damping", "cubic_stiffness"),
+        with_shapes=True, more=(*COEFFICIENTS.items(), ("alpha_bend", 200.0)),
+    ),
+    "friction that falls": Case(
+        lambda: made(7, torque_noise=0.5, **FALLING),
+        ("gravity", "joint_damping", "motor_coulomb"), with_shapes=True,
+        more=(*COEFFICIENTS.items(), ("alpha_coulomb", 10.0 / 3.0), ("alpha_stribeck", 5.0)),
+    ),
     "a spring that hardens": Case(
         lambda: pushed(7, link_push=0.3, cubic_stiffness=HARDENS), ("cubic_stiffness",),
         with_shapes=True,
@@ -140,9 +157,35 @@ def test_what_each_log_shows():
         assert gap.half_gap(played) == pytest.approx(size, rel=0.1)
     remembering = [name for name in CASES if GRIP in fitted(name)[0].fitted.names]
     assert remembering == ["another law of hysteresis"]
+    for name, term in (("a spring that bends", "bend"), ("friction that falls", "stribeck")):
+        others = {f"alpha_{own}" for own in ("bend", "stribeck", "backlash", "hysteresis")}
+        assert others & {*fitted(name)[0].fitted.names} == {f"alpha_{term}"}
     hardens = fitted("a spring that hardens")[0].fitted
     assert gap.half_gap(hardens) == 0.0
     assert "alpha_cubic" in hardens.names
+
+
+@pytest.mark.parametrize("law", [0.0, 1.0])
+def test_friction_may_follow_the_other_law(law: float):
+    """Assert the change of the values by the other law: that of a fit with it."""
+    found = fitted("friction that falls")[0]
+    structure, data = found.fitted.structure, CASES["friction that falls"].data
+    pair = []
+    for own in (law, 1.0 - law):
+        joint = structure.joint.with_widths({"stribeck_exponential": own})
+        start = found.fitted.by_name if not pair else pair[0].fitted.by_name
+        own_structure = replace(structure, joint=joint)
+        pair.append(band.fit_in_band(own_structure, data, found.factor, start, found.sizes))
+    first, second = (fit.fitted for fit in pair)
+    change, scale = by_other_laws(first)[:, 0], first.unit_deviations
+    assert np.abs(second.values / first.values - 1.0).max() > 0.4
+    assert change / scale == pytest.approx((second.values - first.values) / scale, abs=1.0)
+
+
+def test_what_has_one_law_follows_no_other():
+    """Assert that a fit without Stribeck friction has no such change."""
+    found = fitted("a spring that bends")[0].fitted
+    assert by_other_laws(found).shape == (len(found.names), 0)
 
 
 def test_a_spring_is_no_delay():
@@ -281,7 +324,8 @@ def nth_fit(monkeypatch: pytest.MonkeyPatch, which: Collection[int], becomes: An
         made.append(fit(*given, **how))
         return becomes(made[-1]) if len(made) in which else made[-1]
 
-    monkeypatch.setattr(disturbed, "fit_in_band", counted)
+    for module in (disturbed, unusual_terms):
+        monkeypatch.setattr(module, "fit_in_band", counted)
 
 
 @pytest.mark.parametrize("has_fit", [True, False])
@@ -364,7 +408,8 @@ def test_a_fit_that_explains_little_begins_with_few_terms_too(
         return replace(found, cost=found.cost + 1e4, sizes=replace(found.sizes, disturbances=huge))
 
     huge = 1e3 * usual.sizes.disturbances
-    monkeypatch.setattr(disturbed, "fit_in_band", first_astray)
+    for module in (disturbed, unusual_terms):
+        monkeypatch.setattr(module, "fit_in_band", first_astray)
     found = CASES["a drive that stops"].fit()
     assert made[1].absent > made[0].absent
     if fails:
@@ -480,4 +525,4 @@ def test_a_width_that_leads_nowhere_is_not_taken(monkeypatch: pytest.MonkeyPatch
     begun = disturbed.fit_in_band(wide, log, fit.factor, fit.fitted.by_name, fit.sizes)
     assert not gap.is_dead_zone(begun.fitted)
     nth_fit(monkeypatch, {1}, diverging)
-    assert disturbed._as_wide_as_its_gap(begun, log, fit.factor) is begun
+    assert unusual_terms.as_wide_as_its_gap(begun, log, fit.factor) is begun

@@ -107,11 +107,14 @@ def test_values_of_one_balance_move_together():
 
 
 def test_a_hysteresis_may_follow_another_law():
-    """Assert that its torque and its reach may both be larger by 15 %, and nothing else."""
+    """Assert that its torque and reach may be larger by 15 %, and friction between two laws."""
     values = {"alpha1": 300.0, "alpha_hysteresis": 2.0, "hysteresis_grip": 50.0}
     alone: Any = SimpleNamespace(names=(*values,), by_name=values)
     moved = doubts.another_law(replace(doubted(), fitted=alone))
     assert moved == pytest.approx(np.array([[0.0], [0.3], [-7.5]]))
+    laws = np.array([[0.0], [1.0], [0.5]])
+    both = doubts.another_law(replace(doubted(), fitted=alone, by_laws=laws))
+    assert both == pytest.approx(np.hstack((moved, laws / np.sqrt(3.0))))
 
 
 @pytest.mark.parametrize("part", [0.3, 1.0])

@@ -7,14 +7,14 @@ kept if the fit becomes likelier and explains clearly more of the balance that t
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from operator import itemgetter
 
 import numpy as np
 
 from flexid.errors import ConvergenceError
+from flexid.estimators.samples import side_by_side
 from flexid.estimators.steady_gains import Sizes
 from flexid.identification.estimation.band import FitInBand, fit_in_band, noise_in_band
-from flexid.identification.full_model.fits_by_length import FOLLOWED, only_brakes
+from flexid.identification.full_model.fits_by_length import only_brakes
 from flexid.identification.full_model.fitting import expanded
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.structure.gap import (
@@ -27,7 +27,7 @@ from flexid.identification.structure.gap import (
     met,
     width_of,
 )
-from flexid.identification.structure.shapes import SoughtShape
+from flexid.identification.structure.shapes import SoughtShape, is_slack
 from flexid.models.flexible_joint import HYSTERESIS_GRIP, SHAPE_TERMS, SPRING, TERMS
 
 # Coefficients of the spring in the link's row, and those in the motor's row.
@@ -92,42 +92,49 @@ def _left(fit: FitInBand, side: str) -> float:
 def with_shape(shape: SoughtShape, side: str, fit: FitInBand, data: Data, factor: int) -> FitInBand:
     """Return the fit with a term whose constant is sought in the balance of a side, if likelier.
 
-    A quadratic approximation about the fit predicts the cost with each candidate of the constant.
+    Each law of the term is fitted from the constant with the least cost in a quadratic
+    approximation about the fit without the term.
     """
     structure = fit.fitted.structure
     if shape.coefficients.isdisjoint(structure.joint.shapes) or shape.is_in(fit.fitted):
         return fit
     best = fit
-    for promised, wider in sorted(_promises(shape, fit), key=itemgetter(0))[:FOLLOWED]:
+    for wider in _alternatives(shape, fit.fitted):
+        promised, start = min(_promises(shape, fit.fitted, wider), default=(np.inf, 0.0))
         if promised > fit.fitted.minimum.equations.cost - CHANCE:
-            break
+            continue
         with suppress(ConvergenceError):
             # With equal sizes the costs compare the terms alone; with its own, the term explains.
-            alike = fit_in_band(wider, data, factor, fit.fitted.by_name, fit.sizes)
+            own, begun = shape.put(wider, start), fit.fitted.by_name
+            alike = fit_in_band(own, data, factor, begun, fit.sizes)
             if alike.cost < min(fit.cost - CHANCE, best.cost):
-                own = fit_in_band(alike.fitted.structure, data, factor, alike.fitted.by_name)
-                if _left(own, side) ** 2 < LIKELIER * _left(fit, side) ** 2:
-                    best = min(alike, own, key=cost_of)
+                freed = fit_in_band(own, data, factor, alike.fitted.by_name)
+                explains = _left(freed, side) ** 2 < LIKELIER * _left(fit, side) ** 2
+                if explains and not is_slack(freed.fitted):  # that would be play
+                    best = min(alike, freed, key=cost_of)
     return best
 
 
-def _promises(shape: SoughtShape, fit: FitInBand) -> Iterator[tuple[float, Structure]]:
-    """Yield structures with each candidate of a shape's constant, and the costs to expect."""
-    fitted = fit.fitted
-    for without in (frozenset(), shape.in_place_of):
-        base = fitted.structure.without(without)
-        base = replace(base, absent=base.absent - shape.coefficients)
-        for law in shape.laws:
-            wider = replace(base, joint=base.joint.with_widths(law))
-            for value in shape.candidates(fitted.structure, fitted.data):
-                if value > shape.least(fitted):
-                    own = shape.put(wider, value)
-                    # A thinned log has another hold than its structure.
-                    held = own.with_hold(fitted.problem.timing.hold)
-                    minimum = expanded(held, fitted).minimum
-                    yield minimum.equations.cost - minimum.reduced.decrement, own
-        if shape.in_place_of.isdisjoint(fitted.names):
-            break
+def _alternatives(shape: SoughtShape, fitted: Fitted) -> Iterator[Structure]:
+    """Yield structures with each law of a shape, and with the shape in place of a similar term."""
+    structure = fitted.structure
+    wider = replace(structure, absent=structure.absent - shape.coefficients)
+    for law in shape.laws:
+        yield replace(wider, joint=wider.joint.with_widths(law))
+    if not shape.in_place_of.isdisjoint(fitted.names):
+        yield wider.without(shape.in_place_of)
+
+
+def _promises(shape: SoughtShape, fitted: Fitted, wider: Structure) -> list[tuple[float, float]]:
+    """Return the cost to expect with each candidate of a shape's constant, and the candidate."""
+    held = wider.with_hold(fitted.problem.timing.hold)  # a thinned log has another one
+
+    def promised(value: float) -> tuple[float, float]:
+        minimum = expanded(shape.put(held, value), fitted).minimum
+        return minimum.equations.cost - minimum.reduced.decrement, value
+
+    every = shape.candidates(fitted.structure, fitted.data)
+    return side_by_side(promised, [value for value in every if value > shape.least(fitted)])
 
 
 def fits_in_band(
