@@ -83,7 +83,7 @@ CASES = {
         {**DRY, **STRIBECK},
         ("motor_coulomb", "motor_stribeck"),
         {"motor_coulomb_friction": 1.0, "motor_stribeck_friction": 0.6, "stribeck_velocity": 0.15},
-        seconds={1: 12.0},
+        seconds={3: 12.0},
         accuracy=0.03,
     ),
     "a spring that hardens": Case(

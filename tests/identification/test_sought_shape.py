@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_joint import fitted, log, made, over, turned
+from made_joint import fitted, log, made, made_fit, over, turned
 
 import flexid.identification.structure.shapes as shapes
 from flexid.errors import ConvergenceError, SettingError
@@ -83,7 +83,8 @@ def test_no_velocity_is_sought_that_friction_takes_in_a_sample(monkeypatch):
     monkeypatch.setattr(shapes, "_promised", lambda _, own: asked.append(own) or len(asked))
     monkeypatch.setattr(shapes, "sampled", lambda fit: fit)
     monkeypatch.setattr(shapes, "explained_by", lambda *a: first if a[-1](first) else None)
-    monkeypatch.setattr(shapes, "_fit_longer", lambda *_: by_length)
+    monkeypatch.setattr(FitsByLength, "longer", lambda *_: [])
+    monkeypatch.setattr(FitsByLength, "with_term", lambda *_: by_length)
     by_length = FitsByLength((first,), (first.problem.segments,), True, ("cubic",), "")
     for least, follows in ((0.23, False), (0.14, True)):  # the fit has 0.15
         asked.clear()
@@ -184,7 +185,8 @@ def test_nothing_is_sought_in_place_of_what_is_absent_or_kept(monkeypatch, names
     """Assert that no fit without a similar term is made in these cases."""
     monkeypatch.setattr(shapes, "fit_like", lambda *_: pytest.fail("a fit without the term"))
     before = cast(Fitted, SimpleNamespace(names=names))
-    ((_, start),) = shapes._alternatives(BEND, cast(Any, None), before, kept)
+    full = made_fit(1.0, segments=range(SAME)).structure
+    ((_, start),) = shapes._alternatives(BEND, full, before, kept)
     assert start is before
 
 
@@ -224,7 +226,8 @@ def test_which_constants_are_followed(monkeypatch, promises, holding, begun, cho
     monkeypatch.setattr(shapes, "_promised", lambda _, s: promises[shape.of(s)])
     monkeypatch.setattr(shapes, "sampled", lambda fit: fit)
     monkeypatch.setattr(shapes, "explained_by", explained_by)
-    monkeypatch.setattr(shapes, "_fit_longer", lambda *_: by_length)
+    monkeypatch.setattr(FitsByLength, "longer", lambda *_: [])
+    monkeypatch.setattr(FitsByLength, "with_term", lambda *_: by_length)
     rivals = [over(*chosen)] if chosen else []
     found = fit_with_shape(shape, by_length, before, rivals, lambda _: None, THRESHOLDS)
     assert tried == begun

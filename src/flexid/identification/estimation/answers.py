@@ -188,11 +188,14 @@ def _exact(job: Job, fits: FinalFits, validation: Validation) -> Answer:
     estimate = with_doubts(fits, job.delay_in_doubt, thresholds)
     reported, unit = fits.reported, job.input_unit
     doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (unit == "V")
-    laws = None
     if reported.excess > thresholds.sensor_excess:
-        doubts, laws = (*doubts, another_law), by_other_laws(reported)
+        doubts += (another_law,)
     dead_zone = behind_a_dead_zone(reported) if unit == "V" else None
-    rest = {"by_lag": lagged(reported), "by_dead_zone": dead_zone, "by_laws": laws}
+    rest = {
+        "by_lag": lagged(reported),
+        "by_dead_zone": dead_zone,
+        "by_laws": by_other_laws(reported),
+    }
     doubted = Doubted(reported, {}, {}, unit, None, **rest)
     errors = [(covariance_of(doubt(doubted)), DOUBTS[doubt]) for doubt in doubts]
     errors.append((covariance_of(between_lengths(fits, thresholds)), OF_A_LENGTH))

@@ -170,16 +170,16 @@ def play(doubted: Doubted) -> FloatArray:
 
 
 def another_law(doubted: Doubted) -> FloatArray:
-    """Return errors by another law of a term.
-
-    For hysteresis by another law than Dahl's, its torque and reach grow alike. Friction may be
-    anywhere between two laws.
-    """
+    """Return errors of a hysteresis by a law other than Dahl's: its torque and reach grow alike."""
     inverse = declared.HYSTERESIS_GRIP  # of the reach
     share = dict.fromkeys(_HYSTERESIS, _ANOTHER_LAW) | {inverse: -_ANOTHER_LAW}
     values = doubted.fitted.by_name
-    own = np.array([share.get(name, 0.0) * values[name] for name in doubted.fitted.names])[:, None]
-    return own if doubted.by_laws is None else np.hstack((own, doubted.by_laws / np.sqrt(3.0)))
+    return np.array([share.get(name, 0.0) * values[name] for name in doubted.fitted.names])[:, None]
+
+
+def friction_law(doubted: Doubted) -> FloatArray:
+    """Return errors if Stribeck friction follows a law between its own and the other one."""
+    return doubted.none if doubted.by_laws is None else doubted.by_laws / np.sqrt(3.0)
 
 
 def noise_of_the_input(doubted: Doubted) -> FloatArray:
@@ -233,15 +233,16 @@ DOUBTS: Mapping[Doubt, str] = {
     lag: "the delay of the input may be a lag",
     dead_zone: "the amplifier may have a dead zone",
     play: LIKE_PLAY,
-    another_law: "friction or hysteresis may follow another law",
+    another_law: "its hysteresis may follow another law",
+    friction_law: "Stribeck friction may follow another law",
     noise_of_the_input: "the input's noise may come from its sensor",
     looks_like_a_term: LIKE_A_TERM,
     looks_like_the_acceleration: HEAVIER,
 }
 """Doubts of a fit with disturbances, each with its text as the main cause of an interval."""
 
-OF_AN_EXACT_FIT: tuple[Doubt, ...] = (scales_apart, lag)
-"""Doubts of an exact fit, where gravity may hide a scale error, and a delay a lag."""
+OF_AN_EXACT_FIT: tuple[Doubt, ...] = (scales_apart, lag, friction_law)
+"""Doubts of an exact fit: gravity may hide a scale error, a delay a lag, a law another one."""
 
 OF_A_VOLTAGE: tuple[Doubt, ...] = (calibration, further_modes, coil_lag, dead_zone)
 """Further doubts of an exact fit with a voltage, whose amplifier has errors within the noise."""

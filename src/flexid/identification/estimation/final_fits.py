@@ -26,14 +26,21 @@ from flexid.identification.estimation.model_error import (
     widened_by,
 )
 from flexid.identification.full_model.fits_by_length import hold_covariance
-from flexid.identification.full_model.fitting import expanded, fit_like, fit_to, lengths
+from flexid.identification.full_model.fitting import (
+    EXPLORING,
+    expanded,
+    fit_from,
+    fit_like,
+    fit_to,
+    lengths,
+)
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure, data_of
 from flexid.identification.full_model.starting import first_fits, least_squares_start, suited_rate
 from flexid.identification.preparation.recordings import Alignment, Delay, SplitRecordings, aligned
 from flexid.identification.structure.elimination import Choice
-from flexid.identification.structure.gap import with_free_width
+from flexid.identification.structure.gap import CHANCE, with_free_width
 from flexid.identification.structure.link_delay import confused_covariance
-from flexid.identification.structure.shapes import settled
+from flexid.identification.structure.shapes import settled, with_other_laws
 from flexid.identification.vocabulary.evidence import Estimate, ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE, coefficients_of
@@ -155,6 +162,9 @@ def final_fits(
     """
     whole = replace(whole, refinement=choice.fitted.data.refinement)
     reported, lengths_fitted, retreat = _reported(choice, whole, fallback=fallback)
+    if (likelier := _with_another_law(reported)) is not None:
+        choice = replace(choice, structure=likelier.structure, fitted=likelier)
+        reported, lengths_fitted, retreat = _reported(choice, whole, fallback=fallback)
     choice = _as_reported(choice, reported)
     error = error_of(reported, lengths_fitted, thresholds)
     rate = suited_rate(reported, filter_rate)
@@ -196,6 +206,19 @@ def _reported(
             (),
         )
     return choice.fitted, [choice.fitted], (RETREAT,)
+
+
+def _with_another_law(reported: Fitted) -> Fitted | None:
+    """Return the fit with another law of a term if it is clearly likelier, or None.
+
+    The search compares laws with coarse integration steps, whose error hides small differences.
+    """
+    least = reported.minimum.equations.cost - CHANCE * max(reported.excess, 1.0)
+    for structure in with_other_laws(reported.structure):
+        other = fit_like(structure, reported) or fit_from(reported, structure, steps=EXPLORING)
+        if other is not None and other.minimum.equations.cost < least:
+            return other
+    return None
 
 
 def _as_reported(choice: Choice, reported: Fitted) -> Choice:

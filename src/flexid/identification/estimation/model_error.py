@@ -29,9 +29,9 @@ from flexid.identification.full_model.fitting import beyond_noise, expanded, fit
 from flexid.identification.full_model.model import ROUGH, Fitted, once_per_fit
 from flexid.identification.preparation.recordings import Amplifier
 from flexid.identification.structure.gap import CHANCE, is_dead_zone
-from flexid.identification.structure.shapes import SOUGHT, SOUGHT_COEFFICIENTS
+from flexid.identification.structure.shapes import SOUGHT, SOUGHT_COEFFICIENTS, with_other_laws
 from flexid.identification.vocabulary.evidence import Estimate, ModelError
-from flexid.identification.vocabulary.thresholds import Thresholds
+from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE, HARDENING, PLAY
 from flexid.recording.velocities import position_noise
 
@@ -229,19 +229,20 @@ def lagged(fitted: Fitted) -> FloatArray:
 
 
 def by_other_laws(fitted: Fitted) -> FloatArray:
-    """Return the change of each value, shape (k, m), if a term follows another of its laws."""
-    structure = fitted.ended.with_hold(fitted.problem.timing.hold)
+    """Return the change of each value, shape (k, m), if a term follows another of its laws.
+
+    If the own law explains the log, a law that the log excludes changes nothing.
+    """
+    explains = fitted.problem.observer is None and fitted.excess <= THRESHOLDS.sensor_excess
+    most = fitted.minimum.equations.cost + CHANCE * max(fitted.excess, 1.0)
     changes = []
-    for shape in SOUGHT:
-        if shape.coefficients.isdisjoint(fitted.names):
-            continue
-        for law in shape.laws:
-            joint = structure.joint.with_widths(law)
-            if joint.constants != structure.joint.constants:
-                seen = expanded(replace(structure, joint=joint), fitted)
-                start, rest = seen.minimum.point, {"insist": False, "iterations": _FEW}
-                changes.append(minimise(seen.problem, start, ROUGH, **rest).point.values)
-    return np.array([found - fitted.values for found in changes]).reshape(-1, len(fitted.names)).T
+    for structure in with_other_laws(fitted.ended):
+        seen = expanded(structure.with_hold(fitted.problem.timing.hold), fitted)
+        start, rest = seen.minimum.point, {"insist": False, "iterations": _FEW}
+        other = minimise(seen.problem, start, ROUGH, **rest)
+        if not explains or other.equations.cost <= most:
+            changes.append(other.point.values - fitted.values)
+    return np.array(changes).reshape(-1, len(fitted.names)).T
 
 
 def filtered_input(

@@ -114,12 +114,13 @@ def fit_with_shape(
             if first is not None:
                 firsts.append(first)
                 break
-    if len(firsts) > 1:  # they are compared when they have converged
-        firsts = [fit_from(first, first.structure) or first for first in firsts]
-    best = min(firsts, key=lambda first: first.excess, default=None)
+    best = next((first for first in firsts if first.excess <= thresholds.sensor_excess), None)
+    if best is None and firsts:  # they are compared when they have converged
+        converged = [fit_from(first, first.structure) or first for first in firsts]
+        best = min(converged, key=lambda first: first.excess)
     if best is None or leaves_more(best, chosen, thresholds):
         return None
-    return _fit_longer(best, by_length, thresholds)
+    return by_length.with_term([best, *by_length.longer(best, thresholds)], thresholds)
 
 
 def _alternatives(
@@ -162,11 +163,6 @@ def fit_requested_shape(
         held = {shape.constant: shape.of(structure)}
         structure = replace(structure, fixed={**structure.fixed, **held})
     (first,) = fit_by_length(structure, before.data, before.by_name, [before.problem.segments])
-    return _fit_longer(first, by_length, thresholds)
-
-
-def _fit_longer(first: Fitted, by_length: FitsByLength, thresholds: Thresholds) -> FitsByLength:
-    """Return fits over longer segments, with the best hold."""
     return by_length.with_term([first, *by_length.longer(first, thresholds)], thresholds)
 
 
@@ -367,6 +363,16 @@ SOUGHT = (STRIBECK, RIPPLE, BEND)
 
 SOUGHT_COEFFICIENTS = frozenset(c for shape in SOUGHT for c in shape.coefficients)
 """Coefficients of the terms in `SOUGHT`."""
+
+
+def with_other_laws(structure: Structure) -> Iterator[Structure]:
+    """Yield the structure with each other law of its terms that have several."""
+    for shape in SOUGHT:
+        if not shape.coefficients - {shape.constant} <= structure.absent:
+            for law in shape.laws:
+                joint = structure.joint.with_widths(law)
+                if joint.constants != structure.joint.constants:
+                    yield replace(structure, joint=joint)
 
 
 def settled(fitted: Fitted) -> Fitted:
