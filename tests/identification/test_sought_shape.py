@@ -97,7 +97,13 @@ def test_no_velocity_is_sought_that_friction_takes_in_a_sample(monkeypatch):
 
 @pytest.mark.parametrize(
     ("theta", "alpha", "slack"),
-    [(0.5, 0.5, True), (2.0, 0.5, False), (0.5, 2.0, False), (-3.0, -3.0, True)],
+    [
+        (0.5, 0.5, True),
+        (2.0, 0.5, False),
+        (0.5, 2.0, False),
+        (-3.0, -3.0, True),
+        (20.0, 20.0, False),
+    ],
 )
 def test_a_bend_without_stiffness_below_is_play(theta, alpha, slack):
     """Assert that stiffness below a hundredth of that beyond counts as play, in each row."""
@@ -112,6 +118,7 @@ def test_a_bend_without_stiffness_below_is_play(theta, alpha, slack):
     assert shapes.is_slack(of({*values})) == slack
     assert shapes.is_slack(of({"theta2", "theta_bend"})) == (theta < 1.0)
     assert not shapes.is_slack(of({"theta2", "alpha1"}))
+    assert BEND.is_plausible(of({"alpha1", "alpha_bend"})) == (alpha > 10.0)
 
 
 @pytest.mark.parametrize("bounded", ["alpha_bend", "alpha1"])
@@ -228,6 +235,7 @@ def test_which_constants_are_followed(monkeypatch, promises, holding, begun, cho
     monkeypatch.setattr(shapes, "explained_by", explained_by)
     monkeypatch.setattr(FitsByLength, "longer", lambda *_: [])
     monkeypatch.setattr(FitsByLength, "with_term", lambda *_: by_length)
+    monkeypatch.setattr(shapes, "fit_from", lambda *_: None)
     rivals = [over(*chosen)] if chosen else []
     found = fit_with_shape(shape, by_length, before, rivals, lambda _: None, THRESHOLDS)
     assert tried == begun

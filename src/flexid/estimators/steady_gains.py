@@ -35,12 +35,16 @@ class Sizes:
 
 
 def transition_of(jacobian: FloatArray, sample_time: float) -> FloatArray:
-    """Return the transition matrix of n_states states and constant disturbances of n_rows rows."""
+    """Return the transition matrix of n_states states and constant disturbances of n_rows rows.
+
+    It is not finite if the motion is very unstable.
+    """
     n, rows = len(jacobian), len(jacobian) // 2
     forced = np.zeros((n + rows, n + rows))
     forced[:n, :n] = jacobian
     forced[1:n:2, n:] = np.eye(rows)
-    return np.asarray(expm(forced * sample_time), dtype=np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):  # of a start that diverges
+        return np.asarray(expm(forced * sample_time), dtype=np.float64)
 
 
 def sensors_of(rows: int, states: int) -> FloatArray:

@@ -27,7 +27,7 @@ from flexid.identification.structure.gap import (
     met,
     width_of,
 )
-from flexid.identification.structure.shapes import SoughtShape, is_slack
+from flexid.identification.structure.shapes import SoughtShape
 from flexid.models.flexible_joint import HYSTERESIS_GRIP, SHAPE_TERMS, SPRING, TERMS
 
 # Coefficients of the spring in the link's row, and those in the motor's row.
@@ -110,7 +110,7 @@ def with_shape(shape: SoughtShape, side: str, fit: FitInBand, data: Data, factor
             if alike.cost < min(fit.cost - CHANCE, best.cost):
                 freed = fit_in_band(own, data, factor, alike.fitted.by_name)
                 explains = _left(freed, side) ** 2 < LIKELIER * _left(fit, side) ** 2
-                if explains and not is_slack(freed.fitted):  # that would be play
+                if explains and shape.is_plausible(freed.fitted):
                     best = min(alike, freed, key=cost_of)
     return best
 
