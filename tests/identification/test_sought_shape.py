@@ -180,7 +180,7 @@ def test_the_spectrum_by_position_shows_the_number():
 
 
 def test_a_bend_is_sought_in_place_of_a_cubic_spring():
-    """Assert that a bend is found from which the steps beside a cubic term lead away."""
+    """Assert that a bend is found from which steps with a cubic term lead away."""
     found = identify([log(made(2, bend=0.5, bend_stiffness=-35.0, noise=1e-4))])
     assert "bent_spring" in found.choices.terms
     assert found.parameters["joint_stiffness"].value == pytest.approx(100.0, rel=1e-4)

@@ -131,7 +131,7 @@ def _alternatives(
     """Yield structures that a shape may extend, each with a fit without the shape.
 
     There is one for each law of the shape. The last one lacks a similar term, unless it is `kept`:
-    beside a term that explains most of the shape, steps may end in a wrong minimum.
+    if that explains most of the shape, steps may end in a wrong minimum.
     """
     for law in shape.laws:
         yield replace(full, joint=full.joint.with_widths(law)), before
