@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_joint import fitted, log, made, made_fit, over, turned
+from made_joint import fitted, log, made, over, turned
 
 import flexid.identification.structure.shapes as shapes
 from flexid.errors import ConvergenceError, SettingError
@@ -187,14 +187,16 @@ def test_a_bend_is_sought_in_place_of_a_cubic_spring():
     assert found.parameters["bend_stiffness"].value == pytest.approx(-35.0, rel=1e-3)
 
 
-@pytest.mark.parametrize(("names", "kept"), [(("theta2",), ()), (("alpha_cubic",), HARDENING)])
-def test_nothing_is_sought_in_place_of_what_is_absent_or_kept(monkeypatch, names, kept):
-    """Assert that no fit without a similar term is made in these cases."""
-    monkeypatch.setattr(shapes, "fit_like", lambda *_: pytest.fail("a fit without the term"))
-    before = cast(Fitted, SimpleNamespace(names=names))
-    full = made_fit(1.0, segments=range(SAME)).structure
-    ((_, start),) = shapes._alternatives(BEND, full, before, kept)
-    assert start is before
+def test_which_structures_have_a_shape():
+    """Assert that a bend replaces a cubic spring unless that is kept or absent."""
+    with_cubic = fitted(made(4, 4.0), "cubic_stiffness").structure
+    beside, instead = BEND.extensions(with_cubic)
+    assert beside.absent == with_cubic.absent - BEND.coefficients
+    assert instead.absent == beside.absent | HARDENING
+    assert [own.absent for own in BEND.extensions(with_cubic, HARDENING)] == [beside.absent]
+    assert len([*BEND.extensions(with_cubic.without(HARDENING))]) == 1
+    laws = [own.joint.constants["stribeck_exponential"] for own in STRIBECK.extensions(with_cubic)]
+    assert laws == [0.0, 1.0]
 
 
 PROMISES = {0.1: 0.3, 0.2: 0.9, 0.3: 0.5}
@@ -228,7 +230,7 @@ def test_which_constants_are_followed(monkeypatch, promises, holding, begun, cho
         return before if tried[-1] == holding else None
 
     before = over(SAME, 9.0)
-    before.names = ("theta2",)
+    before.names, before.structure = ("theta2",), before.structure.without(HARDENING)
     by_length = FitsByLength((before,), cast(Any, (range(SAME),)), True, ("cubic",), "")
     monkeypatch.setattr(shapes, "_promised", lambda _, s: promises[shape.of(s)])
     monkeypatch.setattr(shapes, "sampled", lambda fit: fit)

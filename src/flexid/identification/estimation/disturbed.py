@@ -106,11 +106,11 @@ def fit_disturbed(
         played, by_play = with_play(full, likely, data, factor)
         lost = 0.0 if played is full else by_play
     if with_shapes:
-        bent = with_shape(BEND, "link", full, data, factor)
+        bent = with_shape(BEND, "link", full, data, factor, kept)
         full = min((played, bent, *with_hysteresis(full, data, factor)), key=cost_of)
         if full is not played:  # another law explains what looked like play
             by_play, lost = 0.0, 0.0
-        full = with_shape(STRIBECK, "motor", full, data, factor)
+        full = with_shape(STRIBECK, "motor", full, data, factor, kept)
     best, evidence = _with_shown_terms(full, data, factor, kept, thresholds)
     if is_damping(best.fitted.by_name):  # delay and friction are equivalent to one damping
         without = structure.without({LINK})

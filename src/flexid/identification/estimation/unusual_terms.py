@@ -4,7 +4,7 @@ Each is a law of the spring or of the motor's friction that the usual terms desc
 kept if the fit becomes likelier and explains clearly more of the balance that the law belongs to.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 
@@ -89,7 +89,14 @@ def _left(fit: FitInBand, side: str) -> float:
     return shares_of(fit.fitted, fit.sizes)[side]
 
 
-def with_shape(shape: SoughtShape, side: str, fit: FitInBand, data: Data, factor: int) -> FitInBand:
+def with_shape(
+    shape: SoughtShape,
+    side: str,
+    fit: FitInBand,
+    data: Data,
+    factor: int,
+    kept: Collection[str],
+) -> FitInBand:
     """Return the fit with a term whose constant is sought in the balance of a side, if likelier.
 
     Each law of the term is fitted from the constant with the least cost in a quadratic
@@ -99,7 +106,7 @@ def with_shape(shape: SoughtShape, side: str, fit: FitInBand, data: Data, factor
     if shape.coefficients.isdisjoint(structure.joint.shapes) or shape.is_in(fit.fitted):
         return fit
     best = fit
-    for wider in _alternatives(shape, fit.fitted):
+    for wider in shape.extensions(structure, kept):
         promised, start = min(_promises(shape, fit.fitted, wider), default=(np.inf, 0.0))
         if promised > fit.fitted.minimum.equations.cost - CHANCE:
             continue
@@ -113,16 +120,6 @@ def with_shape(shape: SoughtShape, side: str, fit: FitInBand, data: Data, factor
                 if explains and shape.is_plausible(freed.fitted):
                     best = min(alike, freed, key=cost_of)
     return best
-
-
-def _alternatives(shape: SoughtShape, fitted: Fitted) -> Iterator[Structure]:
-    """Yield structures with each law of a shape, and with the shape in place of a similar term."""
-    structure = fitted.structure
-    wider = replace(structure, absent=structure.absent - shape.coefficients)
-    for law in shape.laws:
-        yield replace(wider, joint=wider.joint.with_widths(law))
-    if not shape.in_place_of.isdisjoint(fitted.names):
-        yield wider.without(shape.in_place_of)
 
 
 def _promises(shape: SoughtShape, fitted: Fitted, wider: Structure) -> list[tuple[float, float]]:

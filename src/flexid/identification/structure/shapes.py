@@ -9,7 +9,7 @@ Such a term is tried if the usual terms leave more than noise. It starts with th
 predicted to explain the most. Then the fit finds coefficients and constant together.
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from operator import itemgetter
@@ -77,6 +77,19 @@ class SoughtShape:
         """Return the structure with another constant."""
         return replace(structure, joint=structure.joint.with_widths({self.constant: value}))
 
+    def extensions(self, structure: Structure, kept: Collection[str] = ()) -> Iterator[Structure]:
+        """Yield the structure with each law of the term, and with the term for a similar one.
+
+        The similar term stays if it is `kept`. If it explains most of what the term describes,
+        steps with both may end in a wrong minimum.
+        """
+        wider = replace(structure, absent=structure.absent - self.coefficients)
+        for law in self.laws:
+            yield replace(wider, joint=wider.joint.with_widths(law))
+        similar = (self.in_place_of & structure.joint.optional) - {*kept}
+        if not similar <= structure.absent:
+            yield wider.without(similar)
+
     def is_seen_in(self, fitted: Fitted) -> bool:
         """Whether the constant of a fit is large enough to be visible."""
         return self.of(fitted.structure) > self.least(fitted)
@@ -107,40 +120,41 @@ def fit_with_shape(
     progress(shape.words)
     floor = thresholds.noise_floor(by_length.found[0].excess)
     firsts: list[Fitted] = []
-    for wider, start in _alternatives(shape, full, sampled(before), kept):
+    for first in _explaining(shape, before, shape.extensions(full, kept), floor, thresholds):
+        firsts.append(first)
+        if first.excess <= thresholds.sensor_excess:
+            break
+    else:
+        if len(firsts) > 1:  # they are compared when they have converged
+            firsts = [fit_from(first, first.structure) or first for first in firsts]
+    best = min(firsts, key=lambda first: first.excess, default=None)
+    if best is None or leaves_more(best, chosen, thresholds):
+        return None
+    return by_length.with_term([best, *by_length.longer(best, thresholds)], thresholds)
+
+
+def _explaining(
+    shape: SoughtShape,
+    before: Fitted,
+    extensions: Iterable[Structure],
+    floor: float,
+    thresholds: Thresholds,
+) -> Iterator[Fitted]:
+    """Yield for each extended structure the first fit that explains most of the residuals."""
+    some = sampled(before)
+    for wider in extensions:
+        gone = wider.absent & {*some.names}
+        start = fit_like(some.structure.without(gone), some, ROUGH) if gone else some
+        if start is None:
+            continue
         for promise, structure in _promising(shape, start, wider):
             if promise < thresholds.shape_promise:
                 continue
             rest = floor, thresholds, shape.is_seen_in
             first = explained_by(before, structure, start.by_name, *rest)
             if first is not None:
-                firsts.append(first)
+                yield first
                 break
-    best = next((first for first in firsts if first.excess <= thresholds.sensor_excess), None)
-    if best is None and firsts:  # they are compared when they have converged
-        converged = [fit_from(first, first.structure) or first for first in firsts]
-        best = min(converged, key=lambda first: first.excess)
-    if best is None or leaves_more(best, chosen, thresholds):
-        return None
-    return by_length.with_term([best, *by_length.longer(best, thresholds)], thresholds)
-
-
-def _alternatives(
-    shape: SoughtShape, full: Structure, before: Fitted, kept: Collection[str]
-) -> Iterator[tuple[Structure, Fitted]]:
-    """Yield structures that a shape may extend, each with a fit without the shape.
-
-    There is one for each law of the shape. The last one lacks a similar term, unless it is `kept`:
-    if that explains most of the shape, steps may end in a wrong minimum.
-    """
-    for law in shape.laws:
-        yield replace(full, joint=full.joint.with_widths(law)), before
-    similar = shape.in_place_of - {*kept}
-    if similar.isdisjoint(before.names):
-        return
-    bare = fit_like(before.structure.without(similar), before, ROUGH)
-    if bare is not None:
-        yield full.without(similar), bare
 
 
 def fit_requested_shape(
@@ -153,8 +167,7 @@ def fit_requested_shape(
     """
     progress(shape.words)
     before = turning(by_length.found, thresholds) or by_length.found[-1]
-    full = by_length.found[-1].structure
-    wider = (replace(full, joint=full.joint.with_widths(law)) for law in shape.laws)
+    wider = shape.extensions(by_length.found[-1].structure, shape.in_place_of)
     promising = [*chain.from_iterable(_promising(shape, before, own) for own in wider)]
     if not promising:
         raise ConvergenceError(
@@ -169,11 +182,10 @@ def fit_requested_shape(
 
 
 def _promising(
-    shape: SoughtShape, before: Fitted, full: Structure
+    shape: SoughtShape, before: Fitted, wider: Structure
 ) -> Iterator[tuple[float, Structure]]:
     """Yield structures with the most promising constants, each with its predicted share."""
-    structure = replace(full, absent=full.absent - shape.coefficients)
-    structure = structure.with_hold(before.structure.timing.hold)
+    structure = wider.with_hold(before.structure.timing.hold)
     constants = shape.candidates(before.structure, before.data)
     constants = [value for value in constants if value > shape.least(before)]
     promises = side_by_side(lambda value: _promised(before, shape.put(structure, value)), constants)
