@@ -10,6 +10,7 @@ import pytest
 from made_joint import COEFFICIENTS, PAPER, data, half_widths, log, made, structure
 
 import flexid.identification.estimation.model_error as modelling
+from flexid.errors import ConvergenceError
 from flexid.identification.estimation.model_error import (
     driving_frictions,
     model_error,
@@ -248,3 +249,35 @@ def test_a_driving_friction_is_doubted_and_named():
     assert damping.interval[0] < -0.05 < 0.0 < damping.interval[1]
     assert any("alpha_damping came out negative" in warning for warning in found.warnings)
     assert not driving_frictions(fitted(1)[0], THRESHOLDS)
+
+
+@pytest.mark.parametrize(
+    ("rise", "excess", "disturbed", "share"),
+    [(8.0, 1.0, False, 1.0), (36.0, 1.0, False, 0.5), (36.0, 4.0, False, 1.0),
+     (1e6, 1.0, False, 3e-3), (1e6, 1.0, True, 1.0)],
+)  # fmt: skip
+def test_how_much_of_another_law_is_a_doubt(monkeypatch, rise, excess, disturbed, share):
+    """Assert that an exact fit limits the change to what chance hides; disturbances do not."""
+
+    def at(cost: float, values: list[float]) -> Any:
+        return SimpleNamespace(
+            equations=SimpleNamespace(cost=cost), point=SimpleNamespace(values=np.array(values))
+        )
+
+    problem = SimpleNamespace(observer=disturbed or None, timing=SimpleNamespace(hold="zero"))
+    own = at(100.0, [1.0, 2.0])
+    found: Any = SimpleNamespace(
+        names=("alpha1", "beta1"), values=own.point.values, excess=excess, minimum=own, ended=None,
+        problem=problem,
+    )  # fmt: skip
+    other = SimpleNamespace(with_hold=lambda _: None)
+    monkeypatch.setattr(modelling, "with_other_laws", lambda _: [other])
+    monkeypatch.setattr(modelling, "expanded", lambda *_: found)
+    monkeypatch.setattr(modelling, "minimise", lambda *_, **__: at(100.0 + rise, [2.0, 1.0]))
+    assert modelling.by_other_laws(found) == pytest.approx(share * np.array([[1.0], [-1.0]]))
+
+    def fails(*_: Any, **__: Any) -> None:
+        raise ConvergenceError("prediction error", "the motion diverges")
+
+    monkeypatch.setattr(modelling, "minimise", fails)
+    assert modelling.by_other_laws(found).shape == (2, 0)

@@ -18,7 +18,7 @@ from flexid.identification.preparation.settings import Settings
 from flexid.identification.structure.shapes import BEND, RIPPLE, STRIBECK, fit_with_shape
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
-from flexid.models.flexible_joint import HARDENING
+from flexid.models.flexible_joint import HARDENING, PAPER_TERMS
 
 NUMBER, PHASE = 23.4, 0.8
 RIPPLED: dict[str, Any] = {"ripple_torque": 0.3, "ripple_number": NUMBER, "ripple_phase": PHASE}
@@ -185,6 +185,16 @@ def test_a_bend_is_sought_in_place_of_a_cubic_spring():
     assert "bent_spring" in found.choices.terms
     assert found.parameters["joint_stiffness"].value == pytest.approx(100.0, rel=1e-4)
     assert found.parameters["bend_stiffness"].value == pytest.approx(-35.0, rel=1e-3)
+
+
+def test_the_law_of_requested_friction_is_that_of_the_better_fit():
+    """Assert that the law is not chosen by the first step, which favours the other one."""
+    terms = (*PAPER_TERMS, "motor_coulomb", "motor_stribeck")
+    falls = {**STICKING, "motor_static": 1.0, "stribeck_velocity": 0.8}
+    found = identify([log(made(4, 12.0, **falls))], Settings(terms=terms))
+    assert found.choices.shapes["stribeck_exponential"] == 0.0
+    assert found.parameters["motor_stribeck_friction"].value == pytest.approx(1.0, rel=2e-3)
+    assert found.parameters["motor_stribeck_friction"].verdict == "determined"
 
 
 def test_which_structures_have_a_shape():

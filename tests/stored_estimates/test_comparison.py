@@ -224,6 +224,8 @@ PAIRS = {
         f"ripples of {first} and {second}": of_shapes(RIPPLE, "ripple_number", first, second)
         for first, second in ((23.4, 23.6), (23.4, 24.0))
     },
+    "two laws of friction": of_shapes(STRIBECK, "stribeck_exponential", 0.0, 1.0),
+    "one law of friction": of_shapes(STRIBECK, "stribeck_exponential", 1.0, 1.0),
     # The amplitude does not depend on the origin of a ripple.
     **{
         f"ripples from {origin}": of_shapes(RIPPLE, "ripple_origin", 6.28, origin)

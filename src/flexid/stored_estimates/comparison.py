@@ -19,6 +19,7 @@ from flexid.models.flexible_joint import (
     RIPPLE_NUMBER,
     RIPPLE_ORIGIN,
     SHAPE_TERMS,
+    STRIBECK_EXPONENTIAL,
     WIDTHS,
 )
 from flexid.models.physical import ANGLES, difference
@@ -371,7 +372,8 @@ def _unlike_constants(a: Identification, b: Identification) -> dict[tuple[str, s
     """Return why values of a coefficient are not comparable, by coefficient and constant."""
     regressors = [r for t in SHAPE_TERMS.values() for r in (*t.link.items(), *t.motor.items())]
     # The centre of a backlash is no such constant: the encoders' zeros may differ between logs.
-    constants = [(c, shape) for c, text in regressors for shape in WIDTHS if shape in text]
+    chosen = (*WIDTHS, STRIBECK_EXPONENTIAL)
+    constants = [(c, shape) for c, text in regressors for shape in chosen if shape in text]
     found = {}
     for coefficient, shape in constants:
         first, second = (estimate.choices.shapes.get(shape) for estimate in (a, b))

@@ -303,7 +303,9 @@ def fit_in_band(
         return last[-1].fitted
 
     fitted = within_bounds(structure, data, fit)
-    return replace(last[-1], fitted=replace(fitted, structure=structure))
+    return replace(
+        last[-1], fitted=replace(fitted, structure=structure.beginning_at(fitted.by_name))
+    )
 
 
 def noise_in_band(data: Data) -> FloatArray:

@@ -1,6 +1,7 @@
 """Final fits to all data, and the covariance that their doubts add."""
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -163,8 +164,10 @@ def final_fits(
     whole = replace(whole, refinement=choice.fitted.data.refinement)
     reported, lengths_fitted, retreat = _reported(choice, whole, fallback=fallback)
     if (likelier := _with_another_law(reported)) is not None:
-        choice = replace(choice, structure=likelier.structure, fitted=likelier)
-        reported, lengths_fitted, retreat = _reported(choice, whole, fallback=fallback)
+        with suppress(ConvergenceError):
+            other = replace(choice, structure=likelier.structure, fitted=likelier)
+            reported, lengths_fitted, retreat = _reported(other, whole, fallback=False)
+            choice = replace(choice, structure=likelier.structure)
     choice = _as_reported(choice, reported)
     error = error_of(reported, lengths_fitted, thresholds)
     rate = suited_rate(reported, filter_rate)

@@ -18,11 +18,13 @@ that noise in the input. The change is about the same as from no noise to the re
 """
 
 from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flexid.arrays import FloatArray
+from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, after_a_lag, before_a_lag
 from flexid.estimators.prediction_error import minimise
 from flexid.identification.full_model.fitting import beyond_noise, expanded, fit_like
@@ -31,7 +33,7 @@ from flexid.identification.preparation.recordings import Amplifier
 from flexid.identification.structure.gap import CHANCE, is_dead_zone
 from flexid.identification.structure.shapes import SOUGHT, SOUGHT_COEFFICIENTS, with_other_laws
 from flexid.identification.vocabulary.evidence import Estimate, ModelError
-from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
+from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE, HARDENING, PLAY
 from flexid.recording.velocities import position_noise
 
@@ -231,17 +233,19 @@ def lagged(fitted: Fitted) -> FloatArray:
 def by_other_laws(fitted: Fitted) -> FloatArray:
     """Return the change of each value, shape (k, m), if a term follows another of its laws.
 
-    If the own law explains the log, a law that the log excludes changes nothing.
+    If an exact fit contradicts the other law, the change is that by the part of the law that chance
+    may hide. Disturbances may hide any law.
     """
-    explains = fitted.problem.observer is None and fitted.excess <= THRESHOLDS.sensor_excess
-    most = fitted.minimum.equations.cost + CHANCE * max(fitted.excess, 1.0)
-    changes = []
+    chance, changes = CHANCE * max(fitted.excess, 1.0), []
     for structure in with_other_laws(fitted.ended):
         seen = expanded(structure.with_hold(fitted.problem.timing.hold), fitted)
         start, rest = seen.minimum.point, {"insist": False, "iterations": _FEW}
-        other = minimise(seen.problem, start, ROUGH, **rest)
-        if not explains or other.equations.cost <= most:
-            changes.append(other.point.values - fitted.values)
+        with suppress(ConvergenceError):
+            other = minimise(seen.problem, start, ROUGH, **rest)
+            rise = other.equations.cost - fitted.minimum.equations.cost
+            hidden = fitted.problem.observer is not None or rise <= chance
+            share = 1.0 if hidden else np.sqrt(chance / rise)
+            changes.append(share * (other.point.values - fitted.values))
     return np.array(changes).reshape(-1, len(fitted.names)).T
 
 

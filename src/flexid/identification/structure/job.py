@@ -20,7 +20,7 @@ from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.preparation.settings import Settings, check_against, check_for
 from flexid.identification.preparation.stated import Stated, stated
 from flexid.identification.structure.elimination import Choice, choose_structure
-from flexid.identification.structure.gap import about_its_centre, fit_with_play
+from flexid.identification.structure.gap import about_its_centre, as_wide, fit_with_play, width_of
 from flexid.identification.structure.link_delay import CONFUSED, doubtful
 from flexid.identification.structure.shapes import (
     SOUGHT,
@@ -113,7 +113,7 @@ class Job:
         given, bounds = self.stated.given, self.stated.bounds
         base = Structure(joint, absent, self._timing(), given, bounds)
         if joint.kind != "rigid":
-            base = about_its_centre(base, self.training)
+            base = about_its_centre(as_wide(base, width_of(base)), self.training)
         return base.without(self.left_out | SOUGHT_COEFFICIENTS)
 
     @property

@@ -10,8 +10,8 @@ predicted to explain the most. Then the fit finds coefficients and constant toge
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import chain
 from operator import itemgetter
 
 import numpy as np
@@ -86,8 +86,8 @@ class SoughtShape:
         wider = replace(structure, absent=structure.absent - self.coefficients)
         for law in self.laws:
             yield replace(wider, joint=wider.joint.with_widths(law))
-        similar = (self.in_place_of & structure.joint.optional) - {*kept}
-        if not similar <= structure.absent:
+        similar = self.in_place_of & structure.joint.optional
+        if similar.isdisjoint(kept) and not similar <= structure.absent:
             yield wider.without(similar)
 
     def is_seen_in(self, fitted: Fitted) -> bool:
@@ -167,17 +167,25 @@ def fit_requested_shape(
     """
     progress(shape.words)
     before = turning(by_length.found, thresholds) or by_length.found[-1]
-    wider = shape.extensions(by_length.found[-1].structure, shape.in_place_of)
-    promising = [*chain.from_iterable(_promising(shape, before, own) for own in wider)]
-    if not promising:
+    firsts: list[Fitted] = []
+    for wider in shape.extensions(by_length.found[-1].structure, shape.in_place_of):
+        promising = [*_promising(shape, before, wider)]
+        if not promising:
+            raise ConvergenceError(
+                "prediction error", f"nothing moves that would show {shape.words}: drop the term"
+            )
+        promise, structure = max(promising, key=itemgetter(0))
+        if promise < thresholds.shape_promise:
+            held = {shape.constant: shape.of(structure)}
+            structure = replace(structure, fixed={**structure.fixed, **held})
+        with suppress(ConvergenceError):
+            own = before.data, before.by_name, [before.problem.segments]
+            firsts += fit_by_length(structure, *own)
+    if not firsts:
         raise ConvergenceError(
-            "prediction error", f"nothing moves that would show {shape.words}: drop the term"
+            "prediction error", f"the fit with {shape.words} fails: drop the term"
         )
-    promise, structure = max(promising, key=itemgetter(0))
-    if promise < thresholds.shape_promise:
-        held = {shape.constant: shape.of(structure)}
-        structure = replace(structure, fixed={**structure.fixed, **held})
-    (first,) = fit_by_length(structure, before.data, before.by_name, [before.problem.segments])
+    first = min(firsts, key=lambda first: first.excess)
     return by_length.with_term([first, *by_length.longer(first, thresholds)], thresholds)
 
 
