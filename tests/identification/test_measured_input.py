@@ -26,6 +26,7 @@ from made_joint import (
 from made_joint import TRUTH as TRUE
 from scipy.signal import lfilter
 
+import flexid.identification.estimation.answers as answers
 import flexid.identification.estimation.input_lag as input_lag
 import flexid.identification.estimation.inputs as inputs
 import flexid.identification.full_model.amplifier as amplifier_module
@@ -378,6 +379,24 @@ def test_a_filter_is_sought_if_the_motor_is_early_or_late(monkeypatch, early, so
     job: Any = SimpleNamespace(**about, training=training, progress=steps.append)
     assert inputs.answer_with_amplifier(job)[2] == IDEAL
     assert bool(steps) == sought
+
+
+@pytest.mark.parametrize(
+    ("before", "left", "searched"),
+    [(True, 0.011, False), (True, 0.009, True), (False, 0.011, True)],
+)
+def test_an_exact_fit_is_sought_again_where_it_may_succeed(monkeypatch, before, left, searched):
+    """Assert that a corrected input is searched again unless its disturbances are too large."""
+
+    def with_shares(share: float) -> Any:
+        return SimpleNamespace(disturbances=SimpleNamespace(shares={"link": 0.001, "motor": share}))
+
+    first, second = with_shares(0.2), with_shares(left)
+    monkeypatch.setattr(answers, "_disturbed", lambda _: second)
+    monkeypatch.setattr(answers, "answer", lambda _: first)
+    logged = first if before else SimpleNamespace(disturbances=None)
+    found = answers.answer_again(cast(Any, None), cast(Any, logged))
+    assert found is (first if searched else second)
 
 
 def test_a_lag_is_undone_in_parts_as_in_the_whole():

@@ -8,7 +8,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
-from flexid.identification.estimation.answers import Answer, answer
+from flexid.identification.estimation.answers import Answer, answer, answer_again
 from flexid.identification.preparation.recordings import IDEAL, Amplifier
 from flexid.identification.structure.gap import CHANCE
 from flexid.identification.structure.job import Job
@@ -52,7 +52,7 @@ def answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
         filtered, other = _with_amplifier(filtering, logged), found
         if filtering != amplifier:
             with suppress(ConvergenceError):
-                other = answer(filtered)
+                other = answer_again(filtered, found)
         if _is_likelier(other, found):
             job, found, amplifier = filtered, other, filtering
             if late < 0.0:
