@@ -41,6 +41,7 @@ FILES = {
         "search",
         f"{_STRUCTURE} test_whole_identification",
     ),
+    "identification/structure/choice.py": ("search", f"{_STRUCTURE} test_whole_identification"),
     "identification/structure/gap.py": ("search", f"{_STRUCTURE} test_gap"),
     "identification/structure/shapes.py": (
         "search",

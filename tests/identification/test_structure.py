@@ -12,12 +12,14 @@ from made_joint import JOINT, made_fit, over
 from scipy.stats import chi2, f, norm, t
 
 import flexid.identification.full_model.fitting as fitting
+import flexid.identification.structure.choice as choice_module
 import flexid.identification.structure.elimination as elimination
 import flexid.identification.structure.job as job
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.fits_by_length import FitsByLength, explains
 from flexid.identification.full_model.model import LINK, Fitted, Structure
-from flexid.identification.structure.elimination import best_length, eliminate
+from flexid.identification.structure.choice import best_length
+from flexid.identification.structure.elimination import eliminate
 from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
@@ -267,7 +269,7 @@ def test_unusual_terms_have_to_be_far_better_or_fewer(monkeypatch, usual, unusua
     full.fit = SimpleNamespace(covariance=CHANCE * np.eye(3), degrees_of_freedom=(9.0,) * 3)
     monkeypatch.setattr(elimination, "eliminate", eliminated)
     monkeypatch.setattr(elimination, "fit_like", fit)
-    found = elimination._leanest(full, (), THRESHOLDS)
+    found = elimination.leanest(full, (), THRESHOLDS)
     assert found == ((UNUSUAL, ("unusual",)) if taken else (USUAL, ("usual",)))
 
 
@@ -284,15 +286,15 @@ def test_steps_need_not_end_where_the_log_is_explained(monkeypatch, explained, s
 
     def fit_from(fitted, structure, *, steps):
         assert (fitted, steps.insist) == (narrow, False)
-        left = shapes & (JOINT.remembered | elimination.SOUGHT_COEFFICIENTS)
-        assert structure.absent == (left if saturates else left | elimination.SATURATION)
+        left = shapes & (JOINT.remembered | choice_module.SOUGHT_COEFFICIENTS)
+        assert structure.absent == (left if saturates else left | choice_module.SATURATION)
         return made_fit(excess, structure=structure)
 
-    monkeypatch.setattr(elimination, "shows_saturation", lambda _: saturates)
-    monkeypatch.setattr(elimination, "fit_like", lambda *_: None)
-    monkeypatch.setattr(elimination, "fit_from", fit_from)
+    monkeypatch.setattr(choice_module, "shows_saturation", lambda _: saturates)
+    monkeypatch.setattr(choice_module, "fit_like", lambda *_: None)
+    monkeypatch.setattr(choice_module, "fit_from", fit_from)
     by_length: Any = SimpleNamespace(found=(narrow,), holds=("zero",))
-    wider, _ = elimination._wider(narrow, by_length, THRESHOLDS)
+    wider, _ = choice_module._wider(narrow, by_length, THRESHOLDS)
     assert (wider is not narrow) == explained
 
 
@@ -345,9 +347,9 @@ def test_only_what_may_stand_is_made_leaner(monkeypatch, fitted, stands):
 
     def choose(*, exact):
         by_length = FitsByLength((fitted,), (), False, ("cubic",), "", exact=exact)
-        return elimination.choose_structure(by_length, (), False, lambda _: None)
+        return choice_module.choose_structure(by_length, (), False, lambda _: None)
 
-    monkeypatch.setattr(elimination, "_leanest", lambda *_: 1 / 0)
+    monkeypatch.setattr(choice_module, "leanest", lambda *_: 1 / 0)
     for exact in (True, False):
         with nullcontext() if not (exact or stands) else pytest.raises(ZeroDivisionError):
             assert choose(exact=exact).fitted is fitted
@@ -366,20 +368,20 @@ def test_a_leaner_fit_that_lost_its_way_is_asked_over_shorter_segments(
     monkeypatch, fuller, leaner, free_length, duration
 ):
     """Assert that shorter segments are used if only the leaner fit does not explain the log."""
-    monkeypatch.setattr(elimination, "best_length", lambda found: found[-1])
-    monkeypatch.setattr(elimination, "_leanest", lambda full, *_: (full.structure, ()))
-    monkeypatch.setattr(elimination, "eliminate", lambda full, *_: (full.structure, ()))
-    monkeypatch.setattr(elimination, "settled", lambda fitted: fitted)
-    monkeypatch.setattr(elimination, "_rivals", lambda *_: ())
+    monkeypatch.setattr(choice_module, "best_length", lambda found: found[-1])
+    monkeypatch.setattr(choice_module, "leanest", lambda full, *_: (full.structure, ()))
+    monkeypatch.setattr(choice_module, "eliminate", lambda full, *_: (full.structure, ()))
+    monkeypatch.setattr(choice_module, "settled", lambda fitted: fitted)
+    monkeypatch.setattr(choice_module, "_rivals", lambda *_: ())
 
     def fit_like(structure, fitted, *_):
         count = len(fitted.problem.segments)
         return over(count, leaner if count == 1 else 1.0, structure)
 
-    monkeypatch.setattr(elimination, "fit_like", fit_like)
+    monkeypatch.setattr(choice_module, "fit_like", fit_like)
     found = over(2, 1.0), over(1, fuller)
     by_length = FitsByLength(found, (), free_length, ("cubic",), "", exact=True)
-    choice = elimination.choose_structure(by_length, (), False, lambda _: None)
+    choice = choice_module.choose_structure(by_length, (), False, lambda _: None)
     assert choice.fitted.duration == duration
 
 
@@ -431,9 +433,9 @@ def test_what_held_out_data_may_prefer(monkeypatch, case):
     fitted = made_fit(given["excess"], structure=structure, **more)
     found: Any = (fitted, SimpleNamespace(duration=0.5, name="other length"))
     monkeypatch.setattr(
-        elimination, "fit_like", lambda one, _: SimpleNamespace(name=names[one.absent])
+        choice_module, "fit_like", lambda one, _: SimpleNamespace(name=names[one.absent])
     )
-    rivals: Any = elimination._rivals(fitted, given["generous"], found, given["kept"], THRESHOLDS)
+    rivals: Any = choice_module._rivals(fitted, given["generous"], found, given["kept"], THRESHOLDS)
     assert [rival.name for rival in rivals] == expected
 
 
@@ -446,7 +448,9 @@ def test_a_rival_has_to_predict_far_better(monkeypatch, errors, taken):
     fits: list[Any] = [
         SimpleNamespace(structure=USUAL, error=error) for error in (limit, *errors[::-1])
     ]
-    choice: Any = elimination.Choice(USUAL, UNUSUAL, fits[0], (), (), cast(Any, None), (*fits[1:],))
+    choice: Any = choice_module.Choice(
+        USUAL, UNUSUAL, fits[0], (), (), cast(Any, None), (*fits[1:],)
+    )
     monkeypatch.setattr(job, "validate", lambda fitted, *_: fitted)
     monkeypatch.setattr(job, "misprediction", lambda fitted: fitted.error)
     monkeypatch.setattr(job, "settled", lambda fitted: fitted)

@@ -44,7 +44,7 @@ from flexid.identification.result import (
     summary,
     validation_warnings,
 )
-from flexid.identification.structure.elimination import Choice
+from flexid.identification.structure.choice import Choice
 from flexid.identification.structure.job import Job, job_of
 from flexid.identification.structure.link_delay import confused_covariance, in_doubt, skew
 from flexid.identification.structure.shapes import sought_constants

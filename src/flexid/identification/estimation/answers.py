@@ -44,13 +44,8 @@ from flexid.identification.full_model.fits_by_length import (
 from flexid.identification.full_model.fitting import fit_like, lengths, motion_at
 from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.full_model.starting import suited_rate
-from flexid.identification.structure.elimination import (
-    Choice,
-    core_deviations,
-    hardly_known,
-    latest,
-    one_by_one,
-)
+from flexid.identification.structure.choice import Choice, core_deviations, hardly_known
+from flexid.identification.structure.elimination import latest, one_by_one
 from flexid.identification.structure.job import MEASURED_HOLD, Job, predicting
 from flexid.identification.structure.link_delay import skew
 from flexid.identification.structure.validation import validate

@@ -38,7 +38,7 @@ from flexid.identification.full_model.fitting import (
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure, data_of
 from flexid.identification.full_model.starting import first_fits, least_squares_start, suited_rate
 from flexid.identification.preparation.recordings import Alignment, Delay, SplitRecordings, aligned
-from flexid.identification.structure.elimination import Choice
+from flexid.identification.structure.choice import Choice
 from flexid.identification.structure.gap import CHANCE, with_free_width
 from flexid.identification.structure.link_delay import confused_covariance
 from flexid.identification.structure.shapes import settled, with_other_laws

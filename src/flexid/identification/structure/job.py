@@ -19,7 +19,7 @@ from flexid.identification.preparation.joint import Joint, Kind, joint_of
 from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.preparation.settings import Settings, check_against, check_for
 from flexid.identification.preparation.stated import Stated, stated
-from flexid.identification.structure.elimination import Choice, choose_structure
+from flexid.identification.structure.choice import Choice, choose_structure
 from flexid.identification.structure.gap import about_its_centre, as_wide, fit_with_play, width_of
 from flexid.identification.structure.link_delay import CONFUSED, doubtful
 from flexid.identification.structure.shapes import (
