@@ -178,6 +178,7 @@ class Structure(Generic[M]):
         gone = {name.partition("[")[0] for name in names}
         gone |= {c for c, (source, _, _) in self.joint.ties.items() if source in gone}
         gone |= {own for c, own in self.joint.nonlinear.items() if c in gone}
+        # Without play, a cubic spring hardens from its centre on.
         joint = self.joint.with_widths({CONTACT_DEFLECTION: 0.0}) if gone & PLAY else self.joint
         timing = replace(
             self.timing,
