@@ -24,6 +24,7 @@ from flexid.estimators.segmented_motion import RESTING, Point, SegmentedMotion
 from flexid.estimators.steady_gains import Sizes
 from flexid.identification.full_model.fitting import USUAL, Steps, motion_at, within_bounds
 from flexid.identification.full_model.model import Data, Fitted, M, Structure, sensor_noise
+from flexid.identification.structure.shapes import reflected
 from flexid.identification.structure.validation import Follower, from_fitted_states
 from flexid.models.flexible_joint import SPRING, resonance
 from flexid.recording.velocities import position_noise
@@ -303,6 +304,9 @@ def fit_in_band(
         return last[-1].fitted
 
     fitted = within_bounds(structure, data, fit)
+    if (positive := reflected(fitted.by_name)) != fitted.by_name:
+        start = positive
+        fitted = within_bounds(structure, data, fit)
     return replace(
         last[-1], fitted=replace(fitted, structure=structure.beginning_at(fitted.by_name))
     )

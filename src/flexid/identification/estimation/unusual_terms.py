@@ -14,7 +14,7 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.samples import side_by_side
 from flexid.estimators.steady_gains import Sizes
 from flexid.identification.estimation.band import FitInBand, fit_in_band, noise_in_band
-from flexid.identification.full_model.fits_by_length import only_brakes
+from flexid.identification.full_model.fits_by_length import FOLLOWED, only_brakes
 from flexid.identification.full_model.fitting import expanded
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.structure.gap import (
@@ -111,20 +111,23 @@ def with_shape(
     structure = fit.fitted.structure
     if shape.coefficients.isdisjoint(structure.joint.shapes) or shape.is_in(fit.fitted):
         return fit
-    best = fit
+    best, enough = fit, (1.0 - _LEAST_PROMISED) * fit.fitted.minimum.equations.cost
     for wider in shape.extensions(structure, kept):
-        promised, start = min(_promises(shape, fit.fitted, wider), default=(np.inf, 0.0))
-        if promised > (1.0 - _LEAST_PROMISED) * fit.fitted.minimum.equations.cost:
-            continue
-        with suppress(ConvergenceError):
+        promising = sorted(_promises(shape, fit.fitted, wider))[:FOLLOWED]
+        for start in (value for promised, value in promising if promised < enough):
             # With equal sizes the costs compare the terms alone; with its own, the term explains.
             own, begun = shape.put(wider, start), fit.fitted.by_name
-            alike = fit_in_band(own, data, factor, begun, fit.sizes)
-            if alike.cost < fit.cost - CHANCE:
+            with suppress(ConvergenceError):
+                alike = fit_in_band(own, data, factor, begun, fit.sizes)
+                if alike.cost >= fit.cost - CHANCE:
+                    break
                 freed = fit_in_band(own, data, factor, alike.fitted.by_name)
+                if not (shape.is_seen_in(alike.fitted) and shape.is_seen_in(freed.fitted)):
+                    continue  # another start may lead to a possible constant
                 explains = _left(freed, side) ** 2 < LIKELIER * _left(fit, side) ** 2
                 if explains and shape.is_plausible(freed.fitted):
                     best = min(best, alike, freed, key=cost_of)
+                break
     return best
 
 

@@ -66,6 +66,7 @@ class SoughtShape:
     least: Callable[[Fitted], float] = lambda _: 0.0
     in_place_of: frozenset[str] = frozenset()  # coefficients of a similar usual term
     laws: tuple[Mapping[str, float], ...] = ({},)  # values of further constants that are tried
+    is_possible: Callable[[Fitted], bool] = lambda _: True  # whether a fit has possible values
     # whether a fit with disturbances may have the term: there much looks like it in part
     is_plausible: Callable[[Fitted], bool] = lambda _: True
 
@@ -91,8 +92,8 @@ class SoughtShape:
             yield wider.without(similar)
 
     def is_seen_in(self, fitted: Fitted) -> bool:
-        """Whether the constant of a fit is large enough to be visible."""
-        return self.of(fitted.structure) > self.least(fitted)
+        """Whether the constant of a fit is large enough to be visible, and its values possible."""
+        return self.of(fitted.structure) > self.least(fitted) and self.is_possible(fitted)
 
     def is_in(self, fitted: Fitted) -> bool:
         """Whether a fit has the term, with fitted or given coefficients."""
@@ -197,10 +198,15 @@ def _promising(
     constants = shape.candidates(before.structure, before.data)
     constants = [value for value in constants if value > shape.least(before)]
     promises = side_by_side(lambda value: _promised(before, shape.put(structure, value)), constants)
-    promising = zip(promises, constants, strict=True)
-    most = sorted(promising, key=itemgetter(0), reverse=True)[:FOLLOWED]
-    for _, value in most:
-        yield max(_near(shape, before, structure, value), key=itemgetter(0))
+    promising = sorted(zip(promises, constants, strict=True), key=itemgetter(0), reverse=True)
+    followed: dict[float, float] = {}  # with the distance within which others lead to the same fit
+    for _, value in promising:
+        if all(abs(value - other) > apart for other, apart in followed.items()):
+            joint = shape.put(structure, value).joint
+            followed[value] = _APART * shape.resolution(joint, before.data)
+            yield max(_near(shape, before, structure, value), key=itemgetter(0))
+        if len(followed) == FOLLOWED:
+            break
 
 
 def _promised(before: Fitted, structure: Structure) -> float:
@@ -217,6 +223,7 @@ def _near(
     return side_by_side(lambda own: (_promised(before, own), own), near)
 
 
+_APART = 2.0  # distance of the followed candidates, over the resolution
 _MOTOR = 1  # index of the motor's row and position
 _RATES = (60.0, 200.0)  # 1/s, of the filters of least squares
 _PEAKS = 4  # most peaks of a spectrum that are tried
@@ -229,7 +236,8 @@ _BINS = 8  # position bins in a period of the largest number
 _MOST_BINS = 2**18  # of a spectrum
 # Stribeck velocities over the motor's root mean square velocity; difference to the next clearly
 # distinguishable one, over the velocity itself.
-_VELOCITIES, _NEXT_VELOCITY = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64), 0.8
+_VELOCITIES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.28, 2.56)
+_NEXT_VELOCITY = 0.8
 # Bends over the deflection's standard deviation, counted from its mean, which a preload shifts.
 _DEFLECTIONS, _NEXT_DEFLECTION = (0.0, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0), 0.4
 _LEAST_DEFLECTION = 0.2  # least bend, likewise: a smaller one looks like friction
@@ -338,7 +346,7 @@ STRIBECK = SoughtShape(
     _apart_in_velocity,
     _lost_in_a_sample,
     laws=({STRIBECK_EXPONENTIAL: 0.0}, {STRIBECK_EXPONENTIAL: 1.0}),
-    is_plausible=lambda fitted: fitted.by_name["alpha_stribeck"] > 0.0,
+    is_possible=lambda fitted: fitted.by_name.get("alpha_stribeck", np.inf) > 0.0,
 )
 """Stribeck friction of the motor, and its velocity."""
 
@@ -382,6 +390,22 @@ def is_slack(fitted: Fitted, share: float = _SLACK) -> bool:
     springs = zip(map(values.get, SPRING), map(values.get, _BENDS), strict=True)
     known = [(below, more) for below, more in springs if below is not None and more is not None]
     return bool(known) and all(below <= share * (below + more) for below, more in known)
+
+
+def reflected(values: Mapping[str, float]) -> dict[str, float]:
+    """Return equivalent values with a positive bend and Stribeck velocity.
+
+    The velocity counts by its size. A bend at -b of the stiffness B is one at b of the stiffness -B
+    beside a spring that is stiffer by 2 B.
+    """
+    found = dict(values)
+    found[STRIBECK_VELOCITY] = abs(values.get(STRIBECK_VELOCITY, 0.0))
+    if values.get(BEND_DEFLECTION, 0.0) < 0.0:
+        pairs = [(k, b) for k, b in zip(SPRING, _BENDS, strict=True) if {k, b} <= values.keys()]
+        share = values[pairs[0][1]] / values[pairs[0][0]]
+        found |= {name: (1.0 + 2.0 * share) * values[name] for name in {*SPRING} & values.keys()}
+        found |= {name: -values[name] for name in {*_BENDS, BEND_DEFLECTION} & values.keys()}
+    return {name: found[name] for name in values}
 
 
 SOUGHT = (STRIBECK, RIPPLE, BEND)
