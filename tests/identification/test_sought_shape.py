@@ -197,6 +197,51 @@ def test_the_law_of_requested_friction_is_that_of_the_better_fit():
     assert found.parameters["motor_stribeck_friction"].verdict == "determined"
 
 
+@pytest.mark.parametrize("tied", [True, False])
+def test_a_reflected_bend_is_the_same_spring(tied: bool):
+    """Assert equal torques of both rows, and positive constants; other values stay."""
+    at = np.linspace(-0.5, 0.5, 101)
+    values = {"theta1": 5.0, "theta2": 60.0, "alpha1": 200.0, "alpha_bend": 70.0}
+    values |= {"bend_deflection": -0.2, "stribeck_velocity": -0.1}
+    if not tied:
+        values["theta_bend"] = 21.0
+    found = shapes.reflected(values)
+    assert found.keys() == values.keys()
+    assert (found["bend_deflection"], found["stribeck_velocity"]) == (0.2, 0.1)
+    assert (found["theta1"], shapes.reflected(found)) == (5.0, found)
+
+    def torque(own: dict[str, float], spring: str, bend: str) -> np.ndarray:
+        following = own["alpha_bend"] * own["theta2"] / own["alpha1"]
+        extra, b = own.get(bend, following), own["bend_deflection"]
+        return own[spring] * at + extra * (at - (np.abs(at + b) - np.abs(at - b)) / 2.0)
+
+    for names in (("theta2", "theta_bend"), ("alpha1", "alpha_bend")):
+        assert torque(found, *names) == pytest.approx(torque(values, *names), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("promises", "followed"),
+    [([0.9, 0.8, 0.1, 0.7], [0.1, 0.4]), ([0.1, 0.8, 0.9, 0.2], [0.3, 0.1])],
+)
+def test_followed_candidates_lie_apart(monkeypatch, promises, followed):
+    """Assert that the second one lies more than twice the resolution from the best."""
+    known = dict(zip((0.1, 0.2, 0.3, 0.4), promises, strict=True))
+    shape = replace(BEND, candidates=lambda *_: [*known], resolution=lambda *_: 0.06)
+    monkeypatch.setattr(shapes, "_promised", lambda _, own: known[shape.of(own)])
+    monkeypatch.setattr(shapes, "_near", lambda _s, _b, own, value: [(1.0, shape.put(own, value))])
+    before = over(4, 9.0)
+    found = [shape.of(own) for _, own in shapes._promising(shape, before, before.structure)]
+    assert found == followed
+
+
+def test_friction_that_rises_with_the_speed_is_no_stribeck_friction():
+    """Assert that a negative Stribeck friction does not count as seen."""
+    for size, seen in ((1.0, True), (-1.0, False)):
+        own = fitted(made(4, 4.0)).structure
+        fit: Any = SimpleNamespace(by_name={"alpha_stribeck": size}, structure=own)
+        assert replace(STRIBECK, least=lambda _: 0.0).is_seen_in(fit) == seen
+
+
 def test_which_structures_have_a_shape():
     """Assert that a bend replaces a cubic spring unless that is kept or absent."""
     with_cubic = fitted(made(4, 4.0), "cubic_stiffness").structure

@@ -396,7 +396,7 @@ def reflected(values: Mapping[str, float]) -> dict[str, float]:
     """Return equivalent values with a positive bend and Stribeck velocity.
 
     The velocity counts by its size. A bend at -b of the stiffness B is one at b of the stiffness -B
-    beside a spring that is stiffer by 2 B.
+    with a spring that is stiffer by 2 B.
     """
     found = dict(values)
     found[STRIBECK_VELOCITY] = abs(values.get(STRIBECK_VELOCITY, 0.0))
