@@ -252,11 +252,19 @@ def test_a_driving_friction_is_doubted_and_named():
 
 
 @pytest.mark.parametrize(
-    ("rise", "excess", "disturbed", "share"),
-    [(8.0, 1.0, False, 1.0), (36.0, 1.0, False, 0.5), (36.0, 4.0, False, 1.0),
-     (1e6, 1.0, False, 3e-3), (1e6, 1.0, True, 1.0)],
-)  # fmt: skip
-def test_how_much_of_another_law_is_a_doubt(monkeypatch, rise, excess, disturbed, share):
+    ("rise", "excess", "freedom", "disturbed", "share"),
+    [
+        (8.0, 1.0, 0.0, False, 1.0),
+        (36.0, 1.0, 100.0, False, 0.5),
+        (36.0, 4.0, 0.0, False, 1.0),
+        (1e6, 1.0, 100.0, False, 3e-3),
+        (1e6, 1.0, 100.0, True, 1.0),
+        # Beyond noise, residuals may hide a part as large as they are.
+        (1e6, 1.1, 1e5, False, 3e-3 * 1.1**0.5),
+        (1e6, 2.0, 1e5, False, (0.09 + 1.8e-5) ** 0.5),
+    ],
+)
+def test_how_much_of_another_law_is_a_doubt(monkeypatch, rise, excess, freedom, disturbed, share):
     """Assert that an exact fit limits the change to what chance hides; disturbances do not."""
 
     def at(cost: float, values: list[float]) -> Any:
@@ -264,7 +272,11 @@ def test_how_much_of_another_law_is_a_doubt(monkeypatch, rise, excess, disturbed
             equations=SimpleNamespace(cost=cost), point=SimpleNamespace(values=np.array(values))
         )
 
-    problem = SimpleNamespace(observer=disturbed or None, timing=SimpleNamespace(hold="zero"))
+    problem = SimpleNamespace(
+        observer=disturbed or None,
+        timing=SimpleNamespace(hold="zero"),
+        degrees_of_freedom=freedom,
+    )
     own = at(100.0, [1.0, 2.0])
     found: Any = SimpleNamespace(
         names=("alpha1", "beta1"), values=own.point.values, excess=excess, minimum=own, ended=None,

@@ -33,7 +33,7 @@ from flexid.identification.preparation.recordings import Amplifier
 from flexid.identification.structure.gap import CHANCE, is_dead_zone
 from flexid.identification.structure.shapes import SOUGHT, SOUGHT_COEFFICIENTS, with_other_laws
 from flexid.identification.vocabulary.evidence import Estimate, ModelError
-from flexid.identification.vocabulary.thresholds import Thresholds
+from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE, HARDENING, PLAY
 from flexid.recording.velocities import position_noise
 
@@ -234,17 +234,18 @@ def by_other_laws(fitted: Fitted) -> FloatArray:
     """Return the change of each value, shape (k, m), if a term follows another of its laws.
 
     If an exact fit contradicts the other law, the change is that by the part of the law that chance
-    may hide. Disturbances may hide any law.
+    and the residuals beyond noise may hide. Disturbances may hide any law.
     """
-    chance, changes = CHANCE * max(fitted.excess, 1.0), []
+    beyond = max(fitted.excess - THRESHOLDS.sensor_excess, 0.0) * fitted.problem.degrees_of_freedom
+    hidden, changes = CHANCE * max(fitted.excess, 1.0) + beyond, []
     for structure in with_other_laws(fitted.ended):
         seen = expanded(structure.with_hold(fitted.problem.timing.hold), fitted)
         start, rest = seen.minimum.point, {"insist": False, "iterations": _FEW}
         with suppress(ConvergenceError):
             other = minimise(seen.problem, start, ROUGH, **rest)
             rise = other.equations.cost - fitted.minimum.equations.cost
-            hidden = fitted.problem.observer is not None or rise <= chance
-            share = 1.0 if hidden else np.sqrt(chance / rise)
+            whole = fitted.problem.observer is not None or rise <= hidden
+            share = 1.0 if whole else np.sqrt(hidden / rise)
             changes.append(share * (other.point.values - fitted.values))
     return np.array(changes).reshape(-1, len(fitted.names)).T
 
