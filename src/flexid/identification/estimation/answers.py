@@ -201,12 +201,16 @@ def _exact(job: Job, fits: FinalFits, validation: Validation) -> Answer:
     if reported.excess > thresholds.sensor_excess:
         doubts += (another_law,)
     dead_zone = behind_a_dead_zone(reported) if unit == "V" else None
-    rest = {
-        "by_lag": lagged(reported),
-        "by_dead_zone": dead_zone,
-        "by_laws": by_other_laws(reported),
-    }
-    doubted = Doubted(reported, {}, {}, unit, None, **rest)
+    doubted = Doubted(
+        reported,
+        {},
+        {},
+        unit,
+        None,
+        by_lag=lagged(reported),
+        by_dead_zone=dead_zone,
+        by_laws=by_other_laws(reported),
+    )
     errors = [(covariance_of(doubt(doubted)), DOUBTS[doubt]) for doubt in doubts]
     errors.append((covariance_of(between_lengths(fits, thresholds)), OF_A_LENGTH))
     estimate, widest = widened(estimate, errors)

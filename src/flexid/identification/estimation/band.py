@@ -298,15 +298,17 @@ def fit_in_band(
     )
     last: list[FitInBand] = []
 
-    def fit(bounded: Structure) -> Fitted:
-        held = bounded if factor == 1 else bounded.with_hold("cubic")
-        last.append(replace(in_band, structure=held).fit(start, sizes))
-        return last[-1].fitted
+    def fitted_from(begun: Mapping[str, float]) -> Fitted:
+        def fit(bounded: Structure) -> Fitted:
+            held = bounded if factor == 1 else bounded.with_hold("cubic")
+            last.append(replace(in_band, structure=held).fit(begun, sizes))
+            return last[-1].fitted
 
-    fitted = within_bounds(structure, data, fit)
+        return within_bounds(structure, data, fit)
+
+    fitted = fitted_from(start)
     if (positive := reflected(fitted.by_name)) != fitted.by_name:
-        start = positive
-        fitted = within_bounds(structure, data, fit)
+        fitted = fitted_from(positive)
     return replace(
         last[-1], fitted=replace(fitted, structure=structure.beginning_at(fitted.by_name))
     )

@@ -43,11 +43,7 @@ from flexid.identification.structure.shapes import BEND, STRIBECK
 from flexid.identification.structure.validation import Follower
 from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
-from flexid.models.flexible_joint import (
-    DISSIPATIVE,
-    HARDENING,
-    flexible_joint,
-)
+from flexid.models.flexible_joint import DISSIPATIVE, HARDENING, flexible_joint
 from flexid.recording.recording import Hold
 
 _ROUNDS = 3  # of removing terms

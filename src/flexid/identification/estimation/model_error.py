@@ -244,8 +244,8 @@ def by_other_laws(fitted: Fitted) -> FloatArray:
         with suppress(ConvergenceError):
             other = minimise(seen.problem, start, ROUGH, **rest)
             rise = other.equations.cost - fitted.minimum.equations.cost
-            whole = fitted.problem.observer is not None or rise <= hidden
-            share = 1.0 if whole else np.sqrt(hidden / rise)
+            is_exact = fitted.problem.observer is None
+            share = _hidden_share(rise, hidden) if is_exact else 1.0
             changes.append(share * (other.point.values - fitted.values))
     return np.array(changes).reshape(-1, len(fitted.names)).T
 
@@ -270,8 +270,12 @@ def behind_a_dead_zone(fitted: Fitted) -> FloatArray:
     small = Amplifier(dead_zone=_LINEAR * _DEAD_ZONE * float(np.abs(signal).max()))
     more, change = _change(fitted, small.passed(signal), fitted.values)
     whole, rise = change / _LINEAR, more / _LINEAR**2
-    chance = CHANCE * max(fitted.excess, 1.0)
-    return whole * np.sqrt(chance / rise) if rise > chance else whole
+    return whole * _hidden_share(rise, CHANCE * max(fitted.excess, 1.0))
+
+
+def _hidden_share(rise: float, hidden: float) -> float:
+    """Return the share of a change that may stay hidden, if the whole raises the cost by `rise`."""
+    return float(np.sqrt(hidden / rise)) if rise > hidden else 1.0
 
 
 def error_of(

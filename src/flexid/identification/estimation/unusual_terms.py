@@ -85,14 +85,15 @@ def with_hysteresis(fit: FitInBand, data: Data, factor: int) -> Iterator[FitInBa
     structure = replace(structure, absent=structure.absent - joint.remembered)
     start = {**fit.fitted.by_name, HYSTERESIS_GRIP: joint.first[HYSTERESIS_GRIP]}
     for other in fits_in_band([(structure, start)], data, factor):
-        explains = _left(other, "link") ** 2 < LIKELIER * _left(fit, "link") ** 2
-        if other.cost < fit.cost - CHANCE and explains and only_brakes(other.fitted):
+        likelier = other.cost < fit.cost - CHANCE
+        if likelier and _explains_more(other, fit, "link") and only_brakes(other.fitted):
             yield other
 
 
-def _left(fit: FitInBand, side: str) -> float:
-    """Return the unexplained share of a balance."""
-    return shares_of(fit.fitted, fit.sizes)[side]
+def _explains_more(other: FitInBand, fit: FitInBand, side: str) -> bool:
+    """Whether a fit leaves clearly less of a balance's squared acceleration than another."""
+    left, before = (shares_of(each.fitted, each.sizes)[side] for each in (other, fit))
+    return left**2 < LIKELIER * before**2
 
 
 def with_shape(
@@ -124,8 +125,7 @@ def with_shape(
                 freed = fit_in_band(own, data, factor, alike.fitted.by_name)
                 if not (shape.is_seen_in(alike.fitted) and shape.is_seen_in(freed.fitted)):
                     continue  # another start may lead to a possible constant
-                explains = _left(freed, side) ** 2 < LIKELIER * _left(fit, side) ** 2
-                if explains and shape.is_plausible(freed.fitted):
+                if _explains_more(freed, fit, side) and shape.is_plausible(freed.fitted):
                     best = min(best, alike, freed, key=cost_of)
                 break
     return best
@@ -140,8 +140,7 @@ def _promises(shape: SoughtShape, fitted: Fitted, wider: Structure) -> list[tupl
         cost = minimum.equations.cost - minimum.reduced.decrement
         return (cost if np.isfinite(cost) else np.inf), value
 
-    every = shape.candidates(fitted.structure, fitted.data)
-    return side_by_side(promised, [value for value in every if value > shape.least(fitted)])
+    return side_by_side(promised, shape.visible_candidates(fitted))
 
 
 def fits_in_band(

@@ -91,6 +91,11 @@ class SoughtShape:
         if similar.isdisjoint(kept) and not similar <= structure.absent:
             yield wider.without(similar)
 
+    def visible_candidates(self, fitted: Fitted) -> list[float]:
+        """Return the candidates of the constant that would be visible next to a fit without it."""
+        every, least = self.candidates(fitted.structure, fitted.data), self.least(fitted)
+        return [value for value in every if value > least]
+
     def is_seen_in(self, fitted: Fitted) -> bool:
         """Whether the constant of a fit is large enough to be visible, and its values possible."""
         return self.of(fitted.structure) > self.least(fitted) and self.is_possible(fitted)
@@ -195,8 +200,7 @@ def _promising(
 ) -> Iterator[tuple[float, Structure]]:
     """Yield structures with the most promising constants, each with its predicted share."""
     structure = wider.with_hold(before.structure.timing.hold)
-    constants = shape.candidates(before.structure, before.data)
-    constants = [value for value in constants if value > shape.least(before)]
+    constants = shape.visible_candidates(before)
     promises = side_by_side(lambda value: _promised(before, shape.put(structure, value)), constants)
     promising = sorted(zip(promises, constants, strict=True), key=itemgetter(0), reverse=True)
     followed: dict[float, float] = {}  # with the distance within which others lead to the same fit
