@@ -53,6 +53,7 @@ class Drive(NamedTuple):
     ripple_number: float = 0.0  # per turn of the joint
     ripple_phase: float = 0.0
     half_gap: float = 0.0  # rad, half the spring's dead zone
+    contact_damping: float = 0.0  # N m s/rad, of the spring outside its dead zone alone
     bend: float = 0.0  # rad, deflection at which the spring's stiffness changes
     bend_stiffness: float = 0.0  # N m/rad, change of the stiffness there
     hysteresis_torque: float = 0.0  # N m
@@ -137,7 +138,10 @@ def _loads(drive, state, torque):
         joint += drive.eccentricity * np.sin(p + drive.eccentricity_phase)
         slope += drive.eccentricity * np.cos(p + drive.eccentricity_phase)
     rate = w - slope * v
-    spring = spring_torque(drive, q - joint) + drive.joint_damping * rate
+    damping = drive.joint_damping
+    if abs(q - joint) > drive.half_gap:
+        damping += drive.contact_damping
+    spring = spring_torque(drive, q - joint) + damping * rate
     spring += drive.hysteresis_torque * h
     link = drive.link_offset - gravity_torque(drive, q) - spring - drive.link_viscous * w
     if drive.saturation > 0.0:

@@ -82,11 +82,11 @@ CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     (doubts.lag, {"by_lag": NOISE}, {"alpha1": 0.1, "beta1": 0.1}),
     (doubts.lag, {}, {}),
     (
-        doubts.friction_law,
+        doubts.term_law,
         {"by_laws": NOISE[:, None]},
         dict.fromkeys(("alpha1", "beta1"), 0.1 / 3.0**0.5),
     ),
-    (doubts.friction_law, {}, {}),
+    (doubts.term_law, {}, {}),
     # The doubt is larger for a term with a smaller part in its balance, and largest for friction.
     (
         doubts.looks_like_a_term,

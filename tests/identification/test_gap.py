@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, data, fitted, log, made, made_fit, posed, seen
+from made_joint import COEFFICIENTS, TRUTH, data, fitted, log, made, made_fit, posed, seen
 
 import flexid.identification.structure.gap as gap
 from flexid.errors import ConvergenceError
@@ -115,6 +115,16 @@ def test_a_spring_hardens_from_the_contact_on(cubic: float):
         assert found.parameters[name].value == pytest.approx(value, rel=2e-3)
     shapes = found.choices.shapes
     assert shapes["contact_deflection"] == shapes["backlash_width"]
+
+
+@pytest.mark.parametrize("damping", ["joint_damping", "contact_damping"])
+def test_damping_acts_in_the_gap_or_in_contact_alone(damping: str):
+    """Assert exact values for either, and the law that is found."""
+    found = identify([log(made(1, 7.0, half_gap=0.04, noise=1e-4, **{damping: 0.5}))])
+    assert found.choices.terms == (*PAPER_TERMS, "joint_damping", "backlash")
+    for name, value in (TRUTH | {"joint_damping": 0.5, "half_backlash": 0.04}).items():
+        assert found.parameters[name].value == pytest.approx(value, rel=5e-3)
+    assert found.choices.shapes["contact_damping"] == (damping == "contact_damping")
 
 
 def test_without_play_there_is_no_contact():

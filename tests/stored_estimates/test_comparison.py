@@ -226,6 +226,9 @@ PAIRS = {
     },
     "two laws of friction": of_shapes(STRIBECK, "stribeck_exponential", 0.0, 1.0),
     "one law of friction": of_shapes(STRIBECK, "stribeck_exponential", 1.0, 1.0),
+    "damping of a gap and of contact": of_shapes(
+        ("joint_damping", "alpha_damping"), "contact_damping", 0.0, 1.0
+    ),
     # The amplitude does not depend on the origin of a ripple.
     **{
         f"ripples from {origin}": of_shapes(RIPPLE, "ripple_origin", 6.28, origin)

@@ -148,6 +148,7 @@ STRIBECK_EXPONENTIAL = "stribeck_exponential"  # 1 if friction falls so, 0 if by
 BACKLASH_WIDTH = "backlash_width"
 SPRING_CENTRE = "spring_centre"
 CONTACT_DEFLECTION = "contact_deflection"
+CONTACT_DAMPING = "contact_damping"  # 1 if the spring has no damping in its gap, otherwise 0
 BEND_DEFLECTION = "bend_deflection"
 RIPPLE_NUMBER = "ripple_number"
 RIPPLE_ORIGIN = "ripple_origin"
@@ -159,7 +160,7 @@ SHAPES = tuple(DECLARED["constants"])
 SOUGHT_CONSTANTS = frozenset(term.constant for term in SHAPE_TERMS.values() if term.constant)
 """Constants that are estimated together with the coefficients of their terms."""
 
-_USABLE = {SPRING_CENTRE, CONTACT_DEFLECTION, STRIBECK_EXPONENTIAL}
+_USABLE = {SPRING_CENTRE, CONTACT_DEFLECTION, CONTACT_DAMPING, STRIBECK_EXPONENTIAL}
 WIDTHS = tuple(name for name in SHAPES if name not in _USABLE)
 """Constants without a usable default; the others are 0 unless they are given."""
 
@@ -287,20 +288,23 @@ def flexible_joint(
     link = {c: r for term in chosen for c, r in term.link.items()}
     motor = {c: r for term in chosen for c, r in term.motor.items()} | {"beta1": "u"}
     if "backlash" in terms:
-        link, motor = _hardening_from_contact(link), _hardening_from_contact(motor)
+        link, motor = _with_contact(link), _with_contact(motor)
     rows = {"link": ("x1", "x2", link), "motor": ("x3", "x4", motor)}
     memories = tuple(term.memory for term in chosen if term.memory)
     return _declared("flexible joint", rows, known or {}, coulomb_velocity, memories)
 
 
-def _hardening_from_contact(regressors: Mapping[str, str]) -> dict[str, str]:
-    """Return a row's regressors, with hardening by the deflection beyond that of the contact."""
+def _with_contact(regressors: Mapping[str, str]) -> dict[str, str]:
+    """Return a row's regressors, with hardening and perhaps damping only beyond the contact."""
     own, contact = f"x1 - x3 - {SPRING_CENTRE}", CONTACT_DEFLECTION
     beyond = f"{own} - (abs({own} + {contact}) - abs({own} - {contact}))/2"
-    return {
-        name: text.replace(own, beyond) if name in HARDENING else text
-        for name, text in regressors.items()
-    }
+    apart = f"(sign({own} + {contact}) - sign({own} - {contact}))/2"
+    found = dict(regressors)
+    for name in HARDENING & regressors.keys():
+        found[name] = regressors[name].replace(own, beyond)
+    for name in DAMPING & regressors.keys():
+        found[name] = f"({regressors[name]})*(1 - {CONTACT_DAMPING}*{apart})"
+    return found
 
 
 RIGID_TERMS: dict[str, dict[str, str]] = {

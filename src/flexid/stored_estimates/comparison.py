@@ -16,6 +16,8 @@ from flexid.identification.vocabulary.evidence import CONFIDENCE, ValueEstimate,
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,
+    CONTACT_DAMPING,
+    DAMPING,
     RIPPLE_NUMBER,
     RIPPLE_ORIGIN,
     SHAPE_TERMS,
@@ -374,6 +376,7 @@ def _unlike_constants(a: Identification, b: Identification) -> dict[tuple[str, s
     # The centre of a backlash is no such constant: the encoders' zeros may differ between logs.
     chosen = (*WIDTHS, STRIBECK_EXPONENTIAL)
     constants = [(c, shape) for c, text in regressors for shape in chosen if shape in text]
+    constants += [(coefficient, CONTACT_DAMPING) for coefficient in sorted(DAMPING)]
     found = {}
     for coefficient, shape in constants:
         first, second = (estimate.choices.shapes.get(shape) for estimate in (a, b))

@@ -69,9 +69,9 @@ UNEXPLAINED = 0.1  # share of a balance's acceleration; with less unexplained, t
 # reported. In 15 logs with one, they left up to 0.004.
 _LEFT_BY_EXACT = 0.01
 OF_A_LENGTH = "segments of other lengths give other values"
-# Most integration steps to search for an exact fit, some ten seconds. Logs of 34 families took
-# 5.6e6 at most. More are needed if the model does not explain the log, or if the joint is so stiff
-# that a sample needs many steps and many minima are alike.
+# Most integration steps to search for an exact fit, some ten seconds, and as many again to fit it
+# to all data. Logs of 34 families took 5.6e6 at most for both. More are needed if the model does
+# not explain the log, or if the joint is so stiff that a sample needs many steps.
 _MOST_STEPS = 1e7
 _BY_DELAY = "all of which is a delay between the encoders"
 _BY_DISTURBANCES = "the input is low-passed to the joint's band, where all holds are alike"
@@ -102,6 +102,7 @@ def answer(job: Job) -> Answer:
     try:
         with within(_MOST_STEPS):
             choice, validation = predicting(job)
+        with within(_MOST_STEPS):
             fits, exact = _exact_fits(job, choice), None
     except (ConvergenceError, BudgetError):
         return _disturbed(job)

@@ -177,8 +177,8 @@ def another_law(doubted: Doubted) -> FloatArray:
     return np.array([share.get(name, 0.0) * values[name] for name in doubted.fitted.names])[:, None]
 
 
-def friction_law(doubted: Doubted) -> FloatArray:
-    """Return errors if Stribeck friction follows a law between its own and the other one."""
+def term_law(doubted: Doubted) -> FloatArray:
+    """Return errors if a term follows a law between its own and its other one."""
     return doubted.none if doubted.by_laws is None else doubted.by_laws / np.sqrt(3.0)
 
 
@@ -234,14 +234,14 @@ DOUBTS: Mapping[Doubt, str] = {
     dead_zone: "the amplifier may have a dead zone",
     play: LIKE_PLAY,
     another_law: "its hysteresis may follow another law",
-    friction_law: "Stribeck friction may follow another law",
+    term_law: "friction or damping may follow another law",
     noise_of_the_input: "the input's noise may come from its sensor",
     looks_like_a_term: LIKE_A_TERM,
     looks_like_the_acceleration: HEAVIER,
 }
 """Doubts of a fit with disturbances, each with its text as the main cause of an interval."""
 
-OF_AN_EXACT_FIT: tuple[Doubt, ...] = (scales_apart, lag, friction_law)
+OF_AN_EXACT_FIT: tuple[Doubt, ...] = (scales_apart, lag, term_law)
 """Doubts of an exact fit: gravity may hide a scale error, a delay a lag, a law another one."""
 
 OF_A_VOLTAGE: tuple[Doubt, ...] = (calibration, further_modes, coil_lag, dead_zone)

@@ -26,6 +26,7 @@ from flexid.identification.structure.gap import (
     is_dead_zone,
     met,
     width_of,
+    with_other_damping,
 )
 from flexid.identification.structure.shapes import SoughtShape
 from flexid.models.flexible_joint import HYSTERESIS_GRIP, SHAPE_TERMS, SPRING, TERMS
@@ -61,6 +62,9 @@ def with_play(
     try:
         played = fit_in_band(likely.structure, data, factor, start)
         played = as_wide_as_its_gap(played, data, factor)
+        laws = [(law, played.fitted.by_name) for law in with_other_damping(played.fitted.structure)]
+        others = (as_wide_as_its_gap(law, data, factor) for law in fits_in_band(laws, data, factor))
+        played = min([played, *others], key=cost_of)
         if played.cost > fit.cost + CHANCE:  # perhaps only since its sizes differ
             structure, start = played.fitted.structure, played.fitted.by_name
             other = fit_in_band(structure, data, factor, start, fit.sizes)

@@ -22,6 +22,7 @@ from flexid.models.flexible_joint import (
     COEFFICIENT_UNITS,
     CONTACT_DEFLECTION,
     COULOMB_VELOCITY,
+    DAMPING,
     HYSTERESIS_GRIP,
     PLAY,
     RIGID_TERMS,
@@ -136,15 +137,16 @@ class Joint:
 
     def constants_of(self, coefficients: Collection[str]) -> dict[str, float]:
         """Return the constants in the regressors of the given coefficients."""
+        constants, used = self.constants, {*coefficients}
+        if PLAY.isdisjoint(coefficients):
+            constants.pop(CONTACT_DEFLECTION, None)
+            used -= DAMPING  # whose constants are those of the contact
         regressors = [
             regressor
             for row in self.extended.rows
             for name, regressor in row.regressors.items()
-            if name in coefficients
+            if name in used
         ]
-        constants = self.constants
-        if PLAY.isdisjoint(coefficients):
-            constants.pop(CONTACT_DEFLECTION, None)
         return {name: v for name, v in constants.items() if any(name in r for r in regressors)}
 
     @property

@@ -45,7 +45,9 @@ from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,
+    CONTACT_DAMPING,
     CONTACT_DEFLECTION,
+    DAMPING,
     HARDENING,
     PLAY,
     SHAPE_TERMS,
@@ -145,6 +147,18 @@ def _no_worse(found: Fitted, fitted: Fitted) -> bool:
 
 def _mismatch(fitted: Fitted) -> float:
     return half_gap(fitted) / width_of(fitted.structure) - 1.0
+
+
+def with_other_damping(structure: Structure) -> Iterator[Structure]:
+    """Yield the structure with play whose spring has damping in contact alone, or in its gap too.
+
+    It yields nothing without play, or without damping.
+    """
+    joint, absent = structure.joint, structure.absent
+    play, damping = PLAY & joint.shapes, DAMPING & joint.optional
+    if play and absent.isdisjoint(play) and not damping <= absent:
+        other = 1.0 - joint.constants[CONTACT_DAMPING]
+        yield replace(structure, joint=joint.with_widths({CONTACT_DAMPING: other}))
 
 
 def is_dead_zone(fitted: Fitted) -> bool:
@@ -296,7 +310,7 @@ def fit_with_play(
             best = found
     if not best:
         return None
-    last = as_wide_as_its_gap(best[-1])
+    last = _with_likelier_damping(as_wide_as_its_gap(best[-1]))
     as_long = [f for f in by_length.found if f.duration <= last.duration] or by_length.found[:1]
     before = as_long[-1].excess
     if half_gap(last) <= 0.0 or before - last.excess < thresholds.shape_share * (before - floor):
@@ -305,6 +319,13 @@ def fit_with_play(
         return None
     found = [last, *by_length.longer(last, thresholds)]
     return by_length.with_term(found, thresholds)
+
+
+def _with_likelier_damping(fitted: Fitted) -> Fitted:
+    """Return the fit with play and the likelier law of the spring's damping."""
+    others = [fit_like(other, fitted) for other in with_other_damping(fitted.structure)]
+    every = [fitted, *(as_wide_as_its_gap(other) for other in others if other is not None)]
+    return min(every, key=lambda own: own.excess)
 
 
 class LikelyPlay(NamedTuple):

@@ -32,7 +32,11 @@ from flexid.identification.full_model.fitting import fit_by_length, fit_from, fi
 from flexid.identification.full_model.model import ROUGH, Data, Fitted, Structure
 from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.preparation.joint import Joint
-from flexid.identification.structure.gap import about_its_own_centre, as_wide_as_its_gap
+from flexid.identification.structure.gap import (
+    about_its_own_centre,
+    as_wide_as_its_gap,
+    with_other_damping,
+)
 from flexid.identification.vocabulary import Progress
 from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import Thresholds
@@ -427,6 +431,7 @@ def with_other_laws(structure: Structure) -> Iterator[Structure]:
                 joint = structure.joint.with_widths(law)
                 if joint.constants != structure.joint.constants:
                     yield replace(structure, joint=joint)
+    yield from with_other_damping(structure)
 
 
 def settled(fitted: Fitted) -> Fitted:
