@@ -120,7 +120,8 @@ def test_a_spring_hardens_from_the_contact_on(cubic: float):
 @pytest.mark.parametrize("damping", ["joint_damping", "contact_damping"])
 def test_damping_acts_in_the_gap_or_in_contact_alone(damping: str):
     """Assert exact values for either, and the law that is found."""
-    found = identify([log(made(1, 7.0, half_gap=0.04, noise=1e-4, **{damping: 0.5}))])
+    drive: dict[str, Any] = {"half_gap": 0.04, damping: 0.5}
+    found = identify([log(made(1, 7.0, noise=1e-4, **drive))])
     assert found.choices.terms == (*PAPER_TERMS, "joint_damping", "backlash")
     for name, value in (TRUTH | {"joint_damping": 0.5, "half_backlash": 0.04}).items():
         assert found.parameters[name].value == pytest.approx(value, rel=5e-3)
