@@ -7,7 +7,7 @@ import pytest
 
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import RESTING
-from flexid.identification.estimation import band
+from flexid.identification.estimation import band, thinned_log
 from flexid.identification.full_model.model import Data
 from flexid.recording.velocities import position_noise
 
@@ -42,9 +42,9 @@ def test_the_band_keeps_the_resonance_and_rejects_what_lies_above():
     position = sine(RESONANCE, 1000.0)
     data = log_of(position, 1000.0, position)
     samples = replace(data.samples[0], velocities=np.column_stack((position, position)))
-    factor = band.thinning(data, START)
+    factor = thinned_log.thinning(data, START)
     assert factor > 10
-    found = band.thinned(replace(data, samples=(samples,)), factor, held=False).samples[0]
+    found = thinned_log.thinned(replace(data, samples=(samples,)), factor, held=False).samples[0]
     assert found.velocities is not None
     for column in (*found.velocities.T, found.positions[:, 1], found.inputs[:, 0]):
         np.testing.assert_allclose(column, found.positions[:, 0], rtol=0.0, atol=1e-12)
@@ -54,27 +54,27 @@ def test_the_band_keeps_the_resonance_and_rejects_what_lies_above():
     assert abs(np.arctan2(cosine_part, sine_part)) < 1e-3
     assert np.hypot(sine_part, cosine_part) == pytest.approx(1.0, abs=5e-3)
     beyond = log_of(sine(1.3 * np.pi * 1000.0 / factor, 1000.0), 1000.0)
-    rejected = band.thinned(beyond, factor, held=False).samples[0].positions
+    rejected = thinned_log.thinned(beyond, factor, held=False).samples[0].positions
     assert np.abs(middle(rejected)).max() < 0.01
 
 
 @pytest.mark.parametrize("rate", [250.0, 1000.0, 4000.0])
 def test_thinning_leaves_sixteen_samples_in_a_period(rate):
     """Assert at least 16 samples per period of the resonance, with the largest integer factor."""
-    factor = band.thinning(log_of(sine(3.0, rate), rate), START)
+    factor = thinned_log.thinning(log_of(sine(3.0, rate), rate), START)
     assert factor * 16.0 <= PERIOD * rate < (factor + 1) * 16.0
 
 
 def test_slow_and_short_logs_keep_enough_samples():
     """Assert that a log with fewer samples per period is kept, and that 200 samples are left."""
     slow = log_of(sine(3.0, 40.0), 40.0)
-    assert band.thinning(slow, START) == 1
-    assert band.thinned(slow, 1, held=True) is slow
-    assert band.thinning(log_of(sine(3.0, 1000.0, 2.0), 1000.0), {"theta2": 1.0}) == 10
+    assert thinned_log.thinning(slow, START) == 1
+    assert thinned_log.thinned(slow, 1, held=True) is slow
+    assert thinned_log.thinning(log_of(sine(3.0, 1000.0, 2.0), 1000.0), {"theta2": 1.0}) == 10
     # A short recording limits the factor by its own halves alone.
     long, short = (log_of(sine(3.0, 1000.0, length), 1000.0) for length in (20.0, 0.4))
     both = replace(long, samples=(*long.samples, *short.samples))
-    assert (band.thinning(long, {"theta2": 1.0}), band.thinning(both, {"theta2": 1.0})) == (100, 10)
+    assert [thinned_log.thinning(own, {"theta2": 1.0}) for own in (long, both)] == [100, 10]
 
 
 def test_a_held_input_is_the_mean_of_before_and_after():
@@ -85,9 +85,9 @@ def test_a_held_input_is_the_mean_of_before_and_after():
     """
     ramp = np.arange(20000.0)
     data = log_of(sine(RESONANCE, 1000.0), 1000.0, ramp)
-    factor = band.thinning(data, START)
+    factor = thinned_log.thinning(data, START)
     for held, late in ((True, 0.5), (False, 0.0)):
-        found = middle(band.thinned(data, factor, held=held).samples[0].inputs)
+        found = middle(thinned_log.thinned(data, factor, held=held).samples[0].inputs)
         assert found[:, 0] == pytest.approx(middle(ramp[::factor, None])[:, 0] - late, abs=1e-6)
 
 
@@ -97,14 +97,14 @@ def test_directions_follow_motion_and_not_noise():
     noise = 1e-4 * np.random.default_rng(1).standard_normal(40_000)
     for sign in (1.0, -1.0):
         data = log_of(sign * time + noise[:5000], 1000.0)
-        found = band.directions(data.samples, 19)
+        found = thinned_log.directions(data.samples, 19)
         assert len(found) == len(data.samples[0].positions[::19])
         assert middle(found) == pytest.approx(sign, abs=1e-6)
-    found = band.directions(log_of(noise, 1000.0).samples, 19)
+    found = thinned_log.directions(log_of(noise, 1000.0).samples, 19)
     assert abs(found.mean()) < 0.05
     assert found.std() < 0.6
     hidden = log_of(sine(2.0, 1000.0) + 30.0 * noise[:20_000], 1000.0)
-    assert not (band.directions(hidden.samples, 10) == RESTING).any()
+    assert not (thinned_log.directions(hidden.samples, 10) == RESTING).any()
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-5])
@@ -116,7 +116,7 @@ def test_a_row_rests_where_it_is_slow(noise):
     speed = np.concatenate((speed[:stop], np.zeros(800), speed[stop:]))
     position = np.cumsum(speed) / rate
     position += noise * np.random.default_rng(3).standard_normal(len(position))
-    found = band.directions(log_of(position, rate).samples, factor)[:, 0] == RESTING
+    found = thinned_log.directions(log_of(position, rate).samples, factor)[:, 0] == RESTING
     usual = np.sqrt(np.mean(speed**2))
     slow, fast = (np.abs(speed[::factor]) < share * usual for share in (0.07, 0.13))
     within = np.convolve(slow, np.ones(3), "same") > 2.5  # the whole interval and its neighbours
@@ -129,5 +129,5 @@ def test_a_row_rests_where_it_is_slow(noise):
 def test_slowest_disturbance_follows_the_resonance(rigid, share):
     """Assert a slowest disturbance at the resonance (rigid joint), or a fourth of it (spring)."""
     data = log_of(sine(RESONANCE, 1000.0), 1000.0)
-    own = band.thinned(data, band.thinning(data, START), held=False)
+    own = thinned_log.thinned(data, thinned_log.thinning(data, START), held=False)
     assert band.slowest_disturbance(own, rigid=rigid) == pytest.approx(share * RESONANCE, rel=0.05)

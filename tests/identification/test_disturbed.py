@@ -327,7 +327,7 @@ def nth_fit(monkeypatch: pytest.MonkeyPatch, which: Collection[int], becomes: An
         made.append(fit(*given, **how))
         return becomes(made[-1]) if len(made) in which else made[-1]
 
-    for module in (disturbed, unusual_terms):
+    for module in (disturbed, unusual_terms, band):
         monkeypatch.setattr(module, "fit_in_band", counted)
 
 
@@ -415,7 +415,7 @@ def test_a_fit_that_explains_little_begins_with_few_terms_too(
         return replace(found, cost=found.cost + 1e4, sizes=replace(found.sizes, disturbances=huge))
 
     huge = 1e3 * usual.sizes.disturbances
-    for module in (disturbed, unusual_terms):
+    for module in (disturbed, unusual_terms, band):
         monkeypatch.setattr(module, "fit_in_band", first_astray)
     found = CASES["a drive that stops"].fit()
     assert made[1].absent > made[0].absent
@@ -532,4 +532,4 @@ def test_a_width_that_leads_nowhere_is_not_taken(monkeypatch: pytest.MonkeyPatch
     begun = disturbed.fit_in_band(wide, log, fit.factor, fit.fitted.by_name, fit.sizes)
     assert not gap.is_dead_zone(begun.fitted)
     nth_fit(monkeypatch, {1}, diverging)
-    assert unusual_terms.as_wide_as_its_gap(begun, log, fit.factor) is begun
+    assert unusual_terms.with_width_of_gap(begun, log, fit.factor) is begun

@@ -30,11 +30,9 @@ from flexid.identification.estimation.band import (
     SPRING_SHARE,
     FitInBand,
     InBand,
-    factor_of,
     observer_following,
-    thinned,
-    thinned_samples,
 )
+from flexid.identification.estimation.thinned_log import factor_of, thinned, thinned_samples
 from flexid.identification.full_model.fitting import Steps, lengths, motion_at, with_some_zero
 from flexid.identification.full_model.model import Data, Structure, encoder_noise, sensor_noise
 from flexid.identification.preparation.joint import ElasticArm

@@ -18,20 +18,18 @@ from flexid.estimators.samples import side_by_side
 from flexid.estimators.steady_gains import Sizes
 from flexid.identification.estimation.band import (
     FitInBand,
-    directions,
-    fit_in_band,
-    observer_following,
-    thinned,
-    thinning,
-)
-from flexid.identification.estimation.unusual_terms import (
-    as_wide_as_its_gap,
     cost_of,
+    fit_in_band,
     fits_in_band,
+    observer_following,
     shares_of,
+)
+from flexid.identification.estimation.thinned_log import directions, thinned, thinning
+from flexid.identification.estimation.unusual_terms import (
     with_hysteresis,
     with_play,
     with_shape,
+    with_width_of_gap,
 )
 from flexid.identification.full_model.fitting import lengths
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
@@ -111,7 +109,7 @@ def fit_disturbed(
     if is_damping(best.fitted.by_name):  # delay and friction are equivalent to one damping
         without = structure.without({LINK})
         return fit_disturbed(without, data, kept, holds, thresholds, with_shapes=with_shapes)
-    best = as_wide_as_its_gap(best, data, factor)
+    best = with_width_of_gap(best, data, factor)
     shares = shares_of(best.fitted, best.sizes)
     rest = factor, best.cost, by_play, lost
     return Disturbed(best.fitted, full.fitted, evidence, best.sizes, shares, *rest)
@@ -201,7 +199,7 @@ def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
     """Fit the same structures to other data of the same drive."""
     structure, factor = found.fitted.structure, found.factor
     own = fit_in_band(structure, data, factor, found.fitted.by_name, found.sizes)
-    own = as_wide_as_its_gap(own, data, factor)
+    own = with_width_of_gap(own, data, factor)
     full = found.full  # used for hidden terms if the full fit to these data fails
     with suppress(ConvergenceError):
         fuller = fit_in_band(full.structure, data, factor, full.by_name, own.sizes)

@@ -15,7 +15,7 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.samples import Samples, side_by_side
 from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.estimators.steady_gains import Sizes
-from flexid.identification.estimation.band import PER_PERIOD, fit_in_band, thinned_samples, thinning
+from flexid.identification.estimation.band import fit_in_band
 from flexid.identification.estimation.disturbed import Disturbed
 from flexid.identification.estimation.doubts import (
     DOUBTS,
@@ -40,6 +40,7 @@ from flexid.identification.estimation.model_error import (
     with_more,
 )
 from flexid.identification.estimation.rig_errors import likely_changes, with_sensor_error
+from flexid.identification.estimation.thinned_log import PER_PERIOD, thinned_samples, thinning
 from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.full_model.starting import least_squares_start, suited_rate
 from flexid.identification.structure.gap import with_free_width

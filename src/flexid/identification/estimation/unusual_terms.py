@@ -4,7 +4,7 @@ Each is a law of the spring or of the motor's friction that the usual terms desc
 kept if the fit becomes likelier and explains clearly more of the balance that the law belongs to.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 
@@ -12,8 +12,13 @@ import numpy as np
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.samples import side_by_side
-from flexid.estimators.steady_gains import Sizes
-from flexid.identification.estimation.band import FitInBand, fit_in_band, noise_in_band
+from flexid.identification.estimation.band import (
+    FitInBand,
+    cost_of,
+    fit_in_band,
+    fits_in_band,
+    shares_of,
+)
 from flexid.identification.full_model.fits_by_length import FOLLOWED, only_brakes
 from flexid.identification.full_model.fitting import expanded
 from flexid.identification.full_model.model import Data, Fitted, Structure
@@ -61,14 +66,14 @@ def with_play(
     start = _stiffer(fit.fitted.by_name, likely.start)
     try:
         played = fit_in_band(likely.structure, data, factor, start)
-        played = as_wide_as_its_gap(played, data, factor)
+        played = with_width_of_gap(played, data, factor)
         laws = [(law, played.fitted.by_name) for law in with_other_damping(played.fitted.structure)]
-        others = (as_wide_as_its_gap(law, data, factor) for law in fits_in_band(laws, data, factor))
+        others = (with_width_of_gap(law, data, factor) for law in fits_in_band(laws, data, factor))
         played = min([played, *others], key=cost_of)
         if played.cost > fit.cost + CHANCE:  # perhaps only since its sizes differ
             structure, start = played.fitted.structure, played.fitted.by_name
             other = fit_in_band(structure, data, factor, start, fit.sizes)
-            played = min(played, as_wide_as_its_gap(other, data, factor), key=cost_of)
+            played = min(played, with_width_of_gap(other, data, factor), key=cost_of)
     except ConvergenceError:
         return fit, likely.doubt
     if played.cost > fit.cost + CHANCE:  # unless least squares is clear, the log denies play
@@ -147,20 +152,6 @@ def _promises(shape: SoughtShape, fitted: Fitted, wider: Structure) -> list[tupl
     return side_by_side(promised, shape.visible_candidates(fitted))
 
 
-def fits_in_band(
-    begun: Iterable[tuple[Structure, Mapping[str, float]]], data: Data, factor: int
-) -> Iterator[FitInBand]:
-    """Yield the fits from starts that converge."""
-    for structure, start in begun:
-        with suppress(ConvergenceError):
-            yield fit_in_band(structure, data, factor, start)
-
-
-def cost_of(fit: FitInBand) -> float:
-    """Return the cost of a fit."""
-    return fit.cost
-
-
 def _stiffer(values: Mapping[str, float], link: Mapping[str, float]) -> dict[str, float]:
     """Return values with the link's spring by least squares, in both balances."""
     own = {name: link[name] for name in _MOTOR_OF_LINK if name in link}
@@ -171,7 +162,7 @@ def _stiffer(values: Mapping[str, float], link: Mapping[str, float]) -> dict[str
     return {**values, **own, **{name: share * value for name, value in motor.items()}}
 
 
-def as_wide_as_its_gap(fit: FitInBand, data: Data, factor: int) -> FitInBand:
+def with_width_of_gap(fit: FitInBand, data: Data, factor: int) -> FitInBand:
     """Return the fit with the width of its play equal to its gap, or the last that converged."""
     trail: list[tuple[float, float]] = []
     with suppress(ConvergenceError):
@@ -183,27 +174,3 @@ def as_wide_as_its_gap(fit: FitInBand, data: Data, factor: int) -> FitInBand:
             structure = following(fit.fitted, met(trail))
             fit = fit_in_band(structure, data, factor, fit.fitted.by_name, fit.sizes)
     return fit
-
-
-def shares_of(fitted: Fitted, sizes: Sizes) -> dict[str, float]:
-    """Return each balance's unexplained share: disturbance and sensor errors beyond noise."""
-    data, segments = fitted.data, fitted.problem.segments
-    squares, count = np.zeros(len(sizes.disturbances)), 0
-    for samples in data.samples:
-        assert samples.velocities is not None
-        rates = np.gradient(samples.velocities, samples.sample_time, axis=0)
-        squares, count = squares + np.sum(rates**2, axis=0), count + len(rates)
-    shares = sizes.disturbances**2 * count / np.maximum(squares, np.finfo(float).tiny)
-    joint = fitted.structure.joint
-    if joint.kind != "rigid":
-        moved = np.var(joint.channels_of(segments.outputs, segments.inputs)[:, -1])
-        # An error of either position acts on both rows through the spring.
-        beyond = np.sum(np.maximum(sizes.sensors**2 - noise_in_band(data) ** 2, 0.0))
-        shares = shares + beyond / max(float(moved), np.finfo(float).tiny)
-    names = [_side(row.name) for row in fitted.problem.unknowns.system.rows]
-    return dict(zip(names, np.minimum(np.sqrt(shares), 1.0).tolist(), strict=True))
-
-
-def _side(row: str) -> str:
-    """Return the side that a row is the balance of."""
-    return "motor" if row == "rigid" else row
