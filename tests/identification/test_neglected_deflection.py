@@ -1,12 +1,14 @@
 """Doubt about the inertia of a drive that was taken as rigid though its joint bends."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from made_joint import log, made, recording
 
 from flexid.identification.estimation.neglected_deflection import (
+    by_hidden_spring,
     excess_of_link,
     with_neglected_deflection,
 )
@@ -14,6 +16,7 @@ from flexid.identification.identify import identify
 from flexid.identification.preparation.recordings import prepare
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.evidence import Estimate
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 TIMES = 2e-3 * np.arange(5000)
 RNG = np.random.default_rng(3)
@@ -40,13 +43,54 @@ def test_all_coefficients_change_alike():
     log_of = made(1, 6.0, joint_stiffness=1e4, noise=0.0)
     names = ("gamma1", "beta1", "input_delay")
     before = Estimate(names, np.array([4.0, 0.8, 1e-3]), 1e-8 * np.eye(3), (50.0,) * 3)
-    after = with_neglected_deflection(before, [log_of])
+    after, _ = with_neglected_deflection(before, [log_of], exact=True, thresholds=THRESHOLDS)
     share = 0.5 * excess_of_link([log_of]) / np.sqrt(3.0)
     assert share == pytest.approx(0.015, abs=0.005)
     assert after.deviations[:2] == pytest.approx(share * before.values[:2], rel=1e-3)
     assert after.deviations[2] == pytest.approx(1e-4)
     slopes = np.array([1.0 / 0.8, -4.0 / 0.8**2, 0.0])  # of gravity, the ratio
     assert slopes @ after.covariance @ slopes == pytest.approx(slopes @ before.covariance @ slopes)
+
+
+@pytest.mark.parametrize("more", [0.0, 0.2, -0.2])
+def test_the_inertia_may_grow_with_the_frequency(more: float):
+    """Assert that the change leads from least squares to an inertia J that grows to 1.2 J."""
+    rates, sizes = np.array([3.0, 9.0, 20.0]), np.array([1.0, 0.2, 0.05])
+    waves = sizes * np.sin(np.outer(TIMES, rates))
+    position, inertias = waves.sum(axis=1), 2.0 * (1.0 + more * (rates / rates[-1]) ** 2)
+    velocity = (sizes * rates * np.cos(np.outer(TIMES, rates))).sum(axis=1)
+    torque = -waves @ (inertias * rates**2) + 3.0 * np.sin(position) + 0.5 * velocity
+    columns = np.column_stack((-waves @ rates**2, np.sin(position), velocity))
+    inertia, gravity, viscous = np.linalg.lstsq(columns, torque)[0]
+    names = ("gamma1", "gamma_viscous", "beta1", "input_delay")
+    values = np.array([gravity / inertia, viscous / inertia, 1.0 / inertia, 0.0])
+    found = Estimate(names, values, 1e-8 * np.eye(4), (50.0,) * 4)
+    noise = 1e-6 * RNG.standard_normal(len(TIMES))
+    drive = replace(recording(TIMES, position, position + noise, torque), link_position=None)
+    change = by_hidden_spring(found, [drive])
+    about: dict[str, Any] = {"exact": False, "thresholds": THRESHOLDS}
+    widened, warnings = with_neglected_deflection(found, [drive], **about)
+    if more <= 0.0:
+        assert not change.any()
+        assert (widened.covariance.tolist(), warnings) == (found.covariance.tolist(), ())
+        return
+    truth = np.array([1.5, 0.25, 0.5, 0.0])
+    assert np.abs(values - truth)[[0, 2]].min() > 0.05
+    assert values + change == pytest.approx(truth, rel=0.05)
+    assert widened.deviations[2] == pytest.approx(change[2] / np.sqrt(3.0), rel=0.01)
+    assert [str(own)[:17] for own in warnings] == ["the inertia grows"]
+    of_given = Estimate(names[:2], values[:2], np.eye(2), (50.0,) * 2)
+    for other, how in ((found, {"exact": True}), (of_given, {})):
+        assert with_neglected_deflection(other, [drive], **{**about, **how}) == (other, ())
+
+
+def test_a_spring_behind_the_only_encoder_is_a_doubt():
+    """Assert the warning, and an interval that holds the inertia of motor and link."""
+    soft = made(1, 12.0, joint_stiffness=5e3)
+    found = identify([log(replace(soft, link_position=None))])
+    assert any("as if the joint bends" in warning for warning in found.warnings)
+    inertia = found.parameters["inertia"]
+    assert inertia.interval[0] < 1.3 < 0.95 * inertia.value
 
 
 def test_a_rigid_drive_moves_as_the_mean_of_both_sides():

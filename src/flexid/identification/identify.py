@@ -138,13 +138,17 @@ def _identified(job: Job, logs: Sequence[Log], dropped: Sequence[str]) -> Identi
     """Return the identification of a job; `dropped` are warnings about its recordings."""
     settings, thresholds = job.settings, job.thresholds
     job, found, amplifier = answer_with_amplifier(job)
+    exact = found.disturbances is None
+    bending: tuple[Caution, ...] = ()
     if job.joint.kind == "rigid":
         whole = [recording for log in logs for recording in log.recordings]
-        found = replace(found, estimate=with_neglected_deflection(found.estimate, whole))
+        estimate, bending = with_neglected_deflection(
+            found.estimate, whole, exact=exact, thresholds=thresholds
+        )
+        found = replace(found, estimate=estimate)
     recordings = job.recordings
     fits, validation, choice = found.fits, found.validation, found.fits.choice
     numbers = _numbers(job, fits, found)
-    exact = found.disturbances is None
     compliance = _compliance(job, numbers.coefficients, validation)
     if (found.doubts or not exact) and np.isfinite(compliance.deflection):
         moved = f"{compliance.deflection:.2g} {unit_of('rad', job.joint.type)}"
@@ -178,6 +182,7 @@ def _identified(job: Job, logs: Sequence[Log], dropped: Sequence[str]) -> Identi
                 *dropped,
                 *_clock_warnings(job, logs),
                 *found.doubts,
+                *bending,
                 *cautions(Rank.MODEL, fits.retreat),
                 *cautions(Rank.SCALE, (*numbers.contradicted, *numbers.against)),
                 *amplifier_warnings(amplifier, job.input_unit),
