@@ -51,6 +51,13 @@ def within(steps: float) -> Iterator[None]:
 
 
 @contextmanager
+def renewed() -> Iterator[None]:
+    """Give the enclosed statements the whole current budget once more."""
+    with _in_force(replace(_budget.get(), spent=0.0)):
+        yield
+
+
+@contextmanager
 def _in_force(budget: Budget) -> Iterator[None]:
     token = _budget.set(budget)
     try:

@@ -38,6 +38,7 @@ from flexid.identification.estimation.final_fits import (
 from flexid.identification.estimation.model_error import behind_a_dead_zone, by_other_laws, lagged
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
+    explains,
     is_acceptable,
     nearly_explains,
 )
@@ -100,8 +101,7 @@ def answer(job: Job) -> Answer:
         choice, validation = predicting(job)
         return _exact(job, _fits_to_all(job, choice, fallback=True), validation)
     try:
-        with within(_MOST_STEPS):
-            choice, validation = predicting(job)
+        choice, validation = _searched(job)
         with within(_MOST_STEPS):
             fits, exact = _exact_fits(job, choice), None
     except (ConvergenceError, BudgetError):
@@ -120,6 +120,22 @@ def answer(job: Job) -> Answer:
     if nearly and _core_width(nearly) <= _core_width(disturbed):
         return _judged(nearly, nearly.fits.choice.fitted, job)
     return disturbed
+
+
+def _searched(job: Job) -> tuple[Choice, Validation]:
+    """Return the structure and its predictions; of a log that is too long, from a part of it.
+
+    A structure from a part must explain it, since the part may not show every term.
+    """
+    try:
+        with within(_MOST_STEPS):
+            return predicting(job)
+    except BudgetError:
+        with within(_MOST_STEPS):
+            found = predicting(replace(job, in_part=True))
+        if not explains(found[0].fitted, job.thresholds):
+            raise
+        return found
 
 
 def answer_again(job: Job, before: Answer) -> Answer:

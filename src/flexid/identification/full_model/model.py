@@ -85,6 +85,16 @@ class Data:
         yield replace(self, samples=tuple(own.window(0, middle) for own, middle in cut))
         yield replace(self, samples=tuple(own.window(middle, len(own)) for own, middle in cut))
 
+    def in_part(self, pieces: int, share: float) -> "Data":
+        """Return evenly spread pieces of every recording, together a share of it."""
+        samples, groups = [], []
+        for own, group in zip(self.samples, self.groups, strict=True):
+            starts = np.linspace(0, len(own), pieces, endpoint=False).astype(np.int64).tolist()
+            length = max(1, int(share * len(own) / pieces))
+            samples += [own.window(start, start + length) for start in starts]
+            groups += [group] * pieces
+        return replace(self, samples=tuple(samples), groups=tuple(groups))
+
     def with_noise(self, seed: int) -> "Data":
         """Return the data with as much noise as the sensors' added to the positions."""
         draw = np.random.default_rng(seed)

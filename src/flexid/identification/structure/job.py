@@ -1,10 +1,12 @@
 """Identification job from logs and settings, and the search for the structure."""
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 from flexid.errors import ConvergenceError, SettingError
+from flexid.estimators.budget import renewed
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.fits_by_length import (
     TURNING,
@@ -40,6 +42,7 @@ from flexid.recording.recording import Hold, Recording
 MEASURED_HOLD: Hold = "cubic"
 """Hold of a measured position between samples, since a motion is smooth."""
 
+_PIECES, _SHARE = 2, 0.25  # of a log that is too long for a search
 _HOLDS: tuple[Hold, ...] = ("zero", "cubic", "linear")
 
 
@@ -54,6 +57,7 @@ class Job:
     progress: Progress  # called with the name of each step
     thresholds: Thresholds
     left_out: frozenset[str] = frozenset()  # coefficients and delays that are not considered
+    in_part: bool = False  # whether the structure is chosen from a part of the data alone
 
     @property
     def input_unit(self) -> str:
@@ -68,7 +72,8 @@ class Job:
     @cached_property
     def training(self) -> Data:
         """Data before the held-out ends, used to choose the structure."""
-        return self._data(*self.recordings.searched)
+        data = self._data(*self.recordings.searched)
+        return data.in_part(_PIECES, _SHARE) if self.in_part else data
 
     @cached_property
     def whole(self) -> Data:
@@ -247,7 +252,9 @@ def _predicting(job: Job) -> tuple[Choice, Validation]:
         for find in _further_searches(choice, job):
             if (found := find(choice)) is None:
                 continue
-            rival, its = _chosen(job, found, with_shapes=True)
+            # A search that has succeeded is completed.
+            with renewed() if explains(found.found[-1], thresholds) else nullcontext():
+                rival, its = _chosen(job, found, with_shapes=True)
             saved = misprediction(validation) - misprediction(its)
             if saved > _least_gain(rival.fitted.excess, choice.fitted.excess, thresholds):
                 choice, validation = rival, its
@@ -269,8 +276,8 @@ def _further_searches(
     """Yield searches for further terms, each a function of the choice so far."""
     by_length, rest = choice.by_length, (job.progress, job.thresholds)
     full = by_length.found[-1]
-    before = turning(by_length.found, job.thresholds)
-    if before is not None and before.unexplained_over(TURNING) <= job.thresholds.shape_motion:
+    before = turning(by_length.found, job.thresholds) or full
+    if before.unexplained_over(TURNING) <= job.thresholds.shape_motion:
         if full.structure.joint.remembered <= full.structure.absent:
             yield lambda _: fit_with_hysteresis(by_length, before, *rest)
         for shape in SOUGHT:
