@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from noisy_joint import VALUES, joint_samples
 
-from flexid.estimators.budget import BudgetError, spend, within
+from flexid.estimators.budget import BudgetError, renewed, spend, within
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import divide, side_by_side
 from flexid.estimators.segmented_motion import Point, segmented_motion
@@ -33,6 +33,19 @@ def test_tasks_share_what_is_left(threads: int):
             spend(2.0)
             with pytest.raises(BudgetError, match="more than 10 integration"):
                 side_by_side(spend, spent, threads)
+
+
+def test_a_budget_may_be_given_again():
+    """Assert that what is spent of a renewed budget is not spent of the one around it."""
+    with within(10.0):
+        spend(9.0)
+        with renewed():
+            spend(9.0)
+            with pytest.raises(BudgetError):
+                spend(2.0)
+        spend(0.9)
+        with pytest.raises(BudgetError):
+            spend(0.2)
 
 
 def test_a_task_does_not_know_of_its_neighbours():

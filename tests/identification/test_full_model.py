@@ -48,6 +48,19 @@ def test_what_data_know(late):
     assert data(made(1, 8.0)).duration == pytest.approx(8.0)
 
 
+def test_parts_are_spread_over_every_recording():
+    """Assert the samples of two pieces that are a quarter of each of two recordings."""
+    whole = data(made(1, 8.0), made(2, 4.0))
+    part = whole.in_part(2, 0.25)
+    assert part.groups == (0, 0, 1, 1)
+    pieces = zip(part.samples, (0.0, 4.0, 0.0, 2.0), (0, 0, 1, 1), strict=True)
+    for piece, start, place in pieces:
+        own = whole.samples[place]
+        first, length = round(start / own.sample_time), len(own) // 8
+        assert np.array_equal(piece.positions, own.positions[first : first + length])
+        assert piece.start_time == pytest.approx(own.start_time + start)
+
+
 def test_lengths_double():
     """Assert that segments double in length, within margins of 30 ms."""
     divisions = lengths(data(made(1, 12.0, noise=0.0)))

@@ -2,11 +2,12 @@
 
 import re
 from dataclasses import replace
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, SAMPLE_TIME, TRUTH, log, made, recording
+from made_joint import COEFFICIENTS, SAMPLE_TIME, TRUTH, log, made, made_fit, recording
 
 import flexid.identification.estimation.answers as answers
 import flexid.identification.identify as identify_module
@@ -206,15 +207,50 @@ def test_a_joint_that_cannot_be_fitted_is_rigid_unless_something_is_asked(
         identify([log(STIFF)], asked)
 
 
-def test_a_search_beyond_its_budget_ends_in_a_fit_with_disturbances(monkeypatch, clean):
+@pytest.mark.parametrize(("steps", "disturbed"), [(1e5, False), (1e4, True)])
+def test_a_search_beyond_its_budget_uses_a_part_or_allows_for_disturbances(
+    monkeypatch, clean, steps, disturbed
+):
     """Assert that a search that takes too long ends with determined values all the same."""
-    monkeypatch.setattr(answers, "_MOST_STEPS", 1e5)
+    monkeypatch.setattr(answers, "_MOST_STEPS", steps)
     result = identify([clean])
-    assert result.disturbances is not None
+    assert (result.disturbances is not None) == disturbed
     for name in ("link_inertia", "motor_inertia", "joint_stiffness"):
         found = result.parameters[name]
         assert found.verdict == "determined"
         assert found.interval[0] < TRUTH[name] < found.interval[1]
+
+
+@pytest.mark.parametrize(
+    ("excess", "duration", "unexplained", "disturbed", "is_exact"),
+    [
+        (1.05, 0.6, 0.02, 0.01, True),  # long segments
+        (1.05, 0.1, 0.0009, 0.01, True),  # short ones, whose remainder stays small
+        (1.05, 0.1, 0.006, 0.09, False),
+        (1.05, 0.1, 0.006, 0.11, True),  # disturbances hide the core
+        (1.2, 0.1, 0.02, 0.11, False),  # more than noise
+    ],
+)
+def test_a_fit_of_short_segments_gives_way_to_disturbances(
+    monkeypatch, excess, duration, unexplained, disturbed, is_exact
+):
+    """Assert which fit is reported, by what is left over half a second and the core's width."""
+    reported = made_fit(excess, duration=duration, at_bound={}, converged=True)
+    reported.unexplained = unexplained
+    reported.unexplained_over = lambda whole: unexplained * whole / duration
+    fits = cast(Any, SimpleNamespace(reported=reported))
+    exact, other = (answers.Answer(fits, cast(Any, None), cast(Any, None)) for _ in range(2))
+    job = SimpleNamespace(exact=False, thresholds=THRESHOLDS, whole=None)
+    for name, result in (
+        ("_searched", (None, None)),
+        ("_exact_fits", fits),
+        ("_exact", exact),
+        ("_delay_doubts", ()),
+        ("_disturbed_or_none", other),
+    ):
+        monkeypatch.setattr(answers, name, lambda *_, result=result, **__: result)
+    monkeypatch.setattr(answers, "_core_width", lambda found: disturbed if found is other else 0.1)
+    assert answers.answer(cast(Any, job)) is (exact if is_exact else other)
 
 
 def test_one_encoder_gives_the_rigid_joint():

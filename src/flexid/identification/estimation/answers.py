@@ -37,6 +37,7 @@ from flexid.identification.estimation.final_fits import (
 )
 from flexid.identification.estimation.model_error import behind_a_dead_zone, by_other_laws, lagged
 from flexid.identification.full_model.fits_by_length import (
+    TURNING,
     FitsByLength,
     explains,
     is_acceptable,
@@ -110,6 +111,7 @@ def answer(job: Job) -> Answer:
         exact = _exact(job, fits, validation)
         if final := _final_exact(job, exact):
             return final
+    short = exact if exact and _explains_short_segments(exact.fits.reported, job) else None
     nearly = exact if exact and nearly_explains(exact.fits.reported, job.thresholds) else None
     well_known = 0.5 * job.thresholds.noted_width  # two deviations are half an interval
     if nearly and _core_width(nearly) <= well_known:
@@ -119,6 +121,8 @@ def answer(job: Job) -> Answer:
         return exact or _exact(job, fits or _fits_to_all(job, choice, fallback=True), validation)
     if nearly and _core_width(nearly) <= _core_width(disturbed):
         return _judged(nearly, nearly.fits.choice.fitted, job)
+    if short and _core_width(disturbed) > 0.5 * job.thresholds.determined_width:
+        return short
     return disturbed
 
 
@@ -189,7 +193,17 @@ def _final_exact(job: Job, exact: Answer) -> Answer | None:
     if reported.excess > job.thresholds.sensor_excess or not reported.converged:
         return None
     doubts = _delay_doubts(job, job.whole, entirely=True)
-    return replace(exact, doubts=doubts, prediction=_BY_DELAY) if doubts else exact
+    if doubts:
+        return replace(exact, doubts=doubts, prediction=_BY_DELAY)
+    return None if _explains_short_segments(reported, job) else exact
+
+
+def _explains_short_segments(fitted: Fitted, job: Job) -> bool:
+    """Whether a fit explains a log only over segments too short to show what it lacks."""
+    explains = fitted.excess <= job.thresholds.sensor_excess and fitted.converged
+    if not explains or fitted.structure.joint.kind == "rigid" or fitted.duration >= TURNING:
+        return False
+    return fitted.unexplained_over(TURNING) > job.thresholds.exact_share
 
 
 def _core_width(found: Answer) -> float:
