@@ -1,7 +1,5 @@
 """Files that are too large, wide or deeply nested: refused with bounded memory."""
 
-from __future__ import annotations
-
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path

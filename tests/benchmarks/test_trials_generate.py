@@ -18,12 +18,6 @@ ROOT = Path(__file__).parents[2]
 KEPT = {r["family"]: r for r in json.loads(RESULTS.read_text(encoding="utf-8"))["records"]}
 
 
-@pytest.fixture(scope="module")
-def trial():
-    """Return a log of the paper's joint."""
-    return make_trial("basic", 0)
-
-
 def columns(trial):
     """Return all channels as one array."""
     return np.column_stack((trial.time, trial.link_position, trial.motor_position, trial.torque))
@@ -37,15 +31,6 @@ def test_the_generator_does_not_import_flexid(module):
         "assert not [name for name in sys.modules if name.split('.')[0] == 'flexid']"
     )
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
-
-
-@pytest.mark.parametrize("family", ["basic", "dropped_sample"])
-def test_a_seed_is_a_log(family):
-    """Assert that family and seed determine a log."""
-    first, again, other = make_trial(family, 3), make_trial(family, 3), make_trial(family, 4)
-    np.testing.assert_array_equal(columns(first), columns(again))
-    assert first.truth == again.truth
-    assert first.truth != other.truth
 
 
 def test_one_drive_is_recorded_again():

@@ -13,46 +13,13 @@ from benchmarks.trials.realistic.play import STEP
 from scipy.integrate import solve_ivp
 
 drawn = cache(record)
-NONLINEAR = {
-    "coulomb": 0.0,
-    "static_extra": 0.0,
-    "ripple": 0.0,
-    "cable_stiffness": 0.0,
-    "cable_cubic": 0.0,
-    "dead_zone": 0.0,
-    "saturation": np.inf,
-    "drift": 0.0,
-}
-MANY_SINS = Plant(
-    near_inertia=0.3,
-    motor_inertia=0.4,
-    joint_stiffness=60.0,
-    joint_damping=0.1,
-    tip_inertia=0.05,
-    tip_stiffness=80.0,
-    tip_damping=0.02,
-    gravity_torque=2.0,
-    link_viscous=0.05,
-    motor_viscous=0.2,
-    coulomb=0.5,
-    static_extra=0.2,
-    stribeck_velocity=0.3,
-    friction_width=0.05,
-    drift=0.3,
-    drift_time=1.0,
-    cable_stiffness=0.4,
-    cable_cubic=0.2,
-    cable_angle=0.1,
-    ripple=0.2,
-    ripple_second=0.1,
-    ripple_number=10.0,
-    ripple_phase=0.4,
-    back_emf=0.5,
-    dead_zone=0.2,
-    saturation=4.0,
-    lag=2e-3,
-    gauge_lag=4e-3,
-)
+NONLINEAR = dict.fromkeys(("coulomb", "static_extra", "ripple", "dead_zone", "drift"), 0.0)
+NONLINEAR |= {"cable_stiffness": 0.0, "cable_cubic": 0.0, "saturation": np.inf}
+STIFF = {"joint_stiffness": 60.0, "tip_stiffness": 80.0, "saturation": 4.0, "friction_width": 0.05}
+FAST = {"ripple_number": 10.0, "lag": 2e-3, "gauge_lag": 4e-3}
+NO_PLAY = {"cubic_stiffness": 0.0, "half_gap": 0.0}
+DRAWN = np.random.default_rng(1).uniform(0.1, 0.4, len(Plant._fields)).tolist()
+MANY_SINS = Plant(*DRAWN)._replace(**STIFF, **FAST, **NO_PLAY)
 
 
 def test_the_integrator_agrees_with_scipy():
@@ -70,8 +37,8 @@ def test_the_integrator_agrees_with_scipy():
         warmth = 1.0 - plant.drift * (1.0 - np.exp(-time / plant.drift_time))
         dry = plant.coulomb + plant.static_extra * np.exp(-((v / plant.stribeck_velocity) ** 2))
         rub = warmth * (plant.motor_viscous * v + dry * np.tanh(v / plant.friction_width))
-        angle = 10.0 * p + 0.4
-        wave = 0.2 * np.sin(angle) + 0.1 * np.sin(2.0 * angle)
+        angle = plant.ripple_number * p + plant.ripple_phase
+        wave = plant.ripple * np.sin(angle) + plant.ripple_second * np.sin(2.0 * angle)
         link = bend - joint - plant.link_viscous * w - near * np.sin(q) - cable + 0.3
         return [
             w,
@@ -80,7 +47,7 @@ def test_the_integrator_agrees_with_scipy():
             (-tip * np.sin(r) - bend) / plant.tip_inertia,
             v,
             (joint - rub + wave + x - 0.1) / plant.motor_inertia,
-            (1.8 - plant.back_emf * v - x) / plant.lag,
+            (2.0 - plant.dead_zone - plant.back_emf * v - x) / plant.lag,
             (q - p - g) / plant.gauge_lag,
         ]
 

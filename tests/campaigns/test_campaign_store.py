@@ -263,8 +263,8 @@ def write_campaign(out, parts=None):
     return out
 
 
-def test_runs_are_counted_and_their_quantiles_are_of_those_that_finished(tmp_path):
-    """Assert that each run counts once, diverged runs have no values, and NaN counts as missing."""
+def test_campaigns_are_summarised(tmp_path):
+    """Assert counts and quantiles of finished runs, and truncated parts of unfinished ones."""
     finished = summarise(write_campaign(tmp_path))
     assert list(finished.statuses.items()) == [("finished", 360), ("diverged", 40)]
     assert (finished.complete, finished.done, finished.finished) == (True, 400, 360)
@@ -273,10 +273,6 @@ def test_runs_are_counted_and_their_quantiles_are_of_those_that_finished(tmp_pat
     assert error.quantiles == pytest.approx((-18.0, 0.0, 18.0), abs=3.0)
     assert settling.quantiles == pytest.approx((11.0, 20.0, 29.0), abs=0.5)
     assert settling.missing == pytest.approx(180, abs=10)
-
-
-def test_an_unfinished_campaign_is_summarised(tmp_path):
-    """Assert that an unfinished campaign is summarised, with truncated parts named."""
     some = write_campaign(tmp_path / "some", parts=[0, 3, 4])
     path = some / "runs" / "part-000004.parquet"
     path.write_bytes(path.read_bytes()[:100])

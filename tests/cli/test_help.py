@@ -16,15 +16,6 @@ GROUP = command_line()
 COMMANDS = sorted(GROUP.commands)
 
 
-def test_no_summary_is_cut(flexid):
-    """Assert that the list of commands shows whole first sentences."""
-    page = flexid("--help").stdout
-    assert "..." not in page.replace("[ARGS]...", "")
-    for name in COMMANDS:
-        (line,) = re.findall(rf"^  {name} .*$", page, re.MULTILINE)
-        assert line.endswith("."), line
-
-
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_of_a_command(flexid, command):
     """Assert that -h shows examples, exit status and no Python types, within 80 columns."""
@@ -86,8 +77,13 @@ def test_identification_starts_light(examples: Path, flexid):
     assert done.stderr.splitlines()[-1] == "[]"
 
 
-def test_terms_are_listed(flexid):
-    """Assert that the help names every term of a joint."""
+def test_lists_are_whole(flexid):
+    """Assert whole first sentences of all commands, and every term of a joint."""
+    page = flexid("--help").stdout
+    assert "..." not in page.replace("[ARGS]...", "")
+    for name in COMMANDS:
+        (line,) = re.findall(rf"^  {name} .*$", page, re.MULTILINE)
+        assert line.endswith("."), line
     page = flexid("identify", "--help").stdout
     assert all(name in page for name in (*TERMS, *SHAPE_TERMS))
 
@@ -98,16 +94,12 @@ def test_what_only_python_has_is_not_in_the_help(text):
     assert sentences(text) == "What it is."
 
 
-def test_python_m_flexid():
-    """Assert that the package runs as a module."""
+def test_module_and_completion():
+    """Assert that the package runs as a module, and that the shell completes its commands."""
     done = subprocess.run(
         [sys.executable, "-m", "flexid", "--version"], capture_output=True, text=True, check=True
     )
     assert re.fullmatch(r"flexid \S+\n", done.stdout)
-
-
-def test_the_shell_completes_commands():
-    """Assert that the shell's completion offers the commands."""
     environment = os.environ | {
         "_FLEXID_COMPLETE": "bash_complete",
         "COMP_WORDS": "flexid id",

@@ -105,8 +105,9 @@ def test_command_writes_what_it_promises(flexid, tiny_drive, tmp_path):
     assert json.loads(other)["tones"] != document["tones"]
 
 
-def test_limits_that_leave_nothing(flexid, tiny_drive, tmp_path):
-    """Assert that limits which allow no motion give one sentence and status 2."""
+@pytest.mark.usefixtures("_one_start")
+def test_designs_that_cannot_do(flexid, tiny_drive, tmp_path):
+    """Assert status 2 if limits allow no motion, and 1 if a coefficient stays undetermined."""
     offset = "motor_viscous_friction = 0.1\nmotor_offset_torque = 4.9"
     text = tiny_drive.read_text().replace("motor_viscous_friction = 0.1", offset)
     path = tmp_path / "offset.toml"
@@ -115,11 +116,6 @@ def test_limits_that_leave_nothing(flexid, tiny_drive, tmp_path):
     assert outcome.status == 2
     assert "limits.position" in outcome.stderr
     assert len(outcome.stderr.strip().splitlines()) == 1
-
-
-@pytest.mark.usefixtures("_one_start")
-def test_a_drive_too_small_to_tell(flexid, tiny_drive, tmp_path):
-    """Assert that a design that does not determine every coefficient exits with 1."""
     text = tiny_drive.read_text().replace("position_noise = 1e-4", "position_noise = 0.3")
     path = tmp_path / "noisy.toml"
     path.write_text(text)
@@ -143,15 +139,11 @@ TONES = waveform(duration=5.0, sample_time=1e-3, ramp=0.5, highest_frequency=30.
 WEIGHTS = np.random.default_rng(1).standard_normal(12)
 
 
-def test_begins_and_ends_at_rest():
-    """Assert that signal and rate vanish at both ends, and not in between."""
+def test_tones_are_whole_periods_between_rests():
+    """Assert rest at both ends, and different tones of whole periods up to the highest."""
     signal = TONES.signal(WEIGHTS)
     for values, none in ((signal, 1e-12), (np.diff(signal), 1e-3)):
         assert np.abs(values[[0, -1]]).max() < none * np.abs(values).max()
-
-
-def test_tones_are_whole_periods():
-    """Assert that tones differ, have whole periods, and reach the highest requested frequency."""
     periods = TONES.angular_frequencies * 5.0 / (2 * np.pi)
     np.testing.assert_allclose(periods, np.rint(periods), atol=1e-9)
     assert len(np.unique(np.rint(periods))) == 6
@@ -161,20 +153,11 @@ def test_tones_are_whole_periods():
 INFORMATION = np.diag([4.0, 100.0, 1e4])
 
 
-def test_e_is_the_worst_direction():
-    """Assert that E is one over the root of the smallest eigenvalue, in any orientation."""
+def test_the_criterion_is_the_worst_direction():
+    """Assert one over the root of the smallest eigenvalue, and a finite cost for the search."""
     turn, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))
     assert deviation(turn @ INFORMATION @ turn.T) == pytest.approx(0.5)
-
-
-def test_nothing_known_is_infinite_but_searchable():
-    """Assert that a singular matrix has infinite errors, and a finite cost for the search."""
+    assert smooth_cost(INFORMATION) == pytest.approx(np.log(0.5), abs=0.01)
     singular = np.diag([1.0, 0.0])
     assert np.isinf(deviation(singular))
     assert np.isfinite(smooth_cost(singular))
-
-
-def test_search_sees_the_criterion():
-    """Assert that the smooth cost is the logarithm of the error for separate eigenvalues."""
-    exact = np.log(deviation(INFORMATION))
-    assert smooth_cost(INFORMATION) == pytest.approx(exact, abs=0.01)

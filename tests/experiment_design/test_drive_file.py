@@ -46,15 +46,11 @@ def test_the_example_is_table_1(examples):
     assert set(drive.nominal.coefficients) == set(drive.coefficients)
 
 
-def test_known_inertia_is_not_doubted(text, written):
-    """Assert that a known value is no unknown, and is right in every perturbed drive."""
+def test_what_is_known_of_inertia_and_sensors(text, written):
+    """Assert a known value in every perturbed drive, and an encoder's step as uniform noise."""
     drive = read_drive(written('known = ["motor_inertia"]\n' + text)).drive
     assert "beta1" not in drive.nominal.coefficients
     assert {case.system.constants["beta1"] for case in drive.cases(0)} == {1 / 0.3}
-
-
-def test_encoder_bits_are_noise(text, written):
-    """Assert that an encoder's step counts as uniform noise."""
     drive = read_drive(written(text.replace("position_noise = 1e-4", "encoder_bits = 12"))).drive
     assert drive.sensors.noise == pytest.approx(2 * np.pi / 4096 / np.sqrt(12))
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from flexid.experiment_design.excitation_report import _caution, advise, examine
-from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.evidence import Disturbances, ModelError
 from flexid.library.logs import read_log
@@ -27,21 +26,6 @@ def faint(tmp_path_factory):
     """Return a log with slow, small motion in noise, and its report."""
     path = write_held_log(tmp_path_factory.mktemp("log") / "faint.csv", SLOW, 3e-3, seed=4)
     return path, examine([read_log(path)], HELD)
-
-
-def test_answers_are_those_of_identify(faint):
-    """Assert that value, interval, verdict, reason and excitation equal the identification's."""
-    path, report = faint
-    found = identify([read_log(path)], HELD)
-    assert report.identification.verdict == found.verdict
-    assert set(report.coefficients) == set(found.coefficients)
-    for name, c in found.coefficients.items():
-        own = report.coefficients[name]
-        assert (own.value, own.interval, own.verdict) == (c.value, c.interval, c.verdict)
-        assert own.reason == c.reason
-    for row, excitation in found.excitation.items():
-        own = report.identification.excitation[row]
-        assert own.condition_number == excitation.condition_number
 
 
 def test_what_the_others_cost(faint):

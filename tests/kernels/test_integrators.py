@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import sympy as sp
 from numpy.typing import NDArray
-from scipy.integrate import RK45
 
 from flexid.derivation.source import IMPORTS, assignments, function, unpack
 from flexid.derivation.symbolic import symbol, to_sympy
@@ -161,21 +160,6 @@ def test_tolerance_is_met(method: str) -> None:
     for tolerance in (1e-4, 1e-6, 1e-8, 1e-10):
         z = integrate(kernel, 1.0, START, 0.0, tolerance, tolerance)[2]
         assert np.max(np.abs(z - smooth_solution(1.0))) < 10.0 * tolerance
-
-
-def test_a_step_is_that_of_scipy() -> None:
-    """Assert that a step equals SciPy's, to rounding."""
-    kernel = integrator(SMOOTH, "dopri5")
-
-    def rates(t: float, z: np.ndarray) -> np.ndarray:
-        dz = np.empty(3)
-        kernel.rates(t, z, np.zeros(1), dz)
-        return dz
-
-    peer = RK45(rates, 0.0, np.array(START), 1.0, 0.1, FIXED, FIXED, first_step=0.1)
-    peer.step()
-    z = integrate(kernel, 0.1, START, 0.0, FIXED, longest_step=0.1)[2]
-    assert z == pytest.approx(peer.y, rel=1e-14)
 
 
 @pytest.mark.parametrize("stiffness", [1e2, 1e5, 1e8])

@@ -201,26 +201,18 @@ def no_locks(*_: object) -> None:
     raise NotImplementedError("no locks here")
 
 
-@pytest.mark.parametrize(
-    ("task", "place", "broken", "by", "words"),
-    [
-        ("new", "file/cache", "", None, r"file/cache cannot be written .*FLEXID_CACHE_DIR"),
-        # Existing kernels are not loaded either if numba cannot save.
-        ("here", "", "os.access", lambda *_: False, r"cannot be written \(Permission denied\)"),
-        ("new", "", "filelock.FileLock.acquire", no_locks, r"cannot be written \(no locks here\)"),
-    ],
-    ids=["no folder", "only to be read", "no locks"],
-)
-def test_a_cache_that_cannot_be_used_is_refused(
-    cache: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    task: str,
-    place: str,
-    broken: str,
-    by: Any,
-    words: str,
-) -> None:
+UNUSABLE: dict[str, tuple[str, str, str, Any, str]] = {
+    "no folder": ("new", "file/cache", "", None, r"file/cache cannot .*FLEXID_CACHE_DIR"),
+    # Existing kernels are not loaded either if numba cannot save.
+    "only to be read": ("here", "", "os.access", lambda *_: False, r"\(Permission denied\)"),
+    "no locks": ("new", "", "filelock.FileLock.acquire", no_locks, r"\(no locks here\)"),
+}
+
+
+@pytest.mark.parametrize("case", UNUSABLE)
+def test_a_cache_that_cannot_be_used_is_refused(cache: Path, monkeypatch: Any, case: str) -> None:
     """Assert that an unusable cache is refused, with the folder and the remedy."""
+    task, place, broken, by, words = UNUSABLE[case]
     forget(store.load_kernel("here", ["x"], lambda: KERNEL))
     (cache / "file").write_text("")
     monkeypatch.setenv(store.CACHE_VARIABLE, str(cache / place))

@@ -34,13 +34,6 @@ def test_importing_loads_nothing():
     assert not HEAVY & set(done.stdout.split())
 
 
-def test_every_name_is_there_and_listed():
-    """Assert that each name is available, and offered by completion."""
-    for name in NAMES:
-        assert getattr(flexid, name) is not None
-    assert set(NAMES) <= set(dir(flexid))
-
-
 def test_types_and_run_time_agree():
     """Assert that each import of the stub exists at run time."""
     (package,) = flexid.__path__
@@ -56,14 +49,13 @@ def test_types_and_run_time_agree():
     assert (Path(package) / "py.typed").exists()
 
 
-def test_no_module_shadows_a_name():
-    """Assert that no imported module hides a function."""
+def test_names_of_the_package():
+    """Assert that names are listed and no module hides one, and an answer to a misspelt one."""
+    for name in NAMES:
+        assert getattr(flexid, name) is not None
+    assert set(NAMES) <= set(dir(flexid))
     modules = {module.name for module in pkgutil.iter_modules(flexid.__path__)}
     assert not modules & set(NAMES)
-
-
-def test_a_misspelt_name_is_answered():
-    """Assert that Python proposes the nearest name."""
     with pytest.raises(AttributeError, match="identfy") as caught:
         getattr(flexid, "identfy")  # noqa: B009
     assert caught.value.name == "identfy"

@@ -30,8 +30,8 @@ def loaded(estimate, tmp_path_factory):
     return flexid.load(path)
 
 
-def test_the_covariance_is_that_of_all_values(estimate):
-    """Assert that the covariance's diagonal gives the standard errors, and serves for ratios."""
+def test_covariance_of_all_values(estimate):
+    """Assert standard errors, ratios, and infinite variances of all that the log leaves free."""
     shown = {**estimate.parameters, **estimate.coefficients}
     deviations = np.sqrt(np.diag(estimate.covariance))
     np.testing.assert_allclose(deviations, [e.std for e in shown.values()], rtol=1e-9)
@@ -42,10 +42,6 @@ def test_the_covariance_is_that_of_all_values(estimate):
     slopes = np.array([1 / theta.value, -stiffness.value / theta.value**2])
     variance = slopes @ estimate.covariance[np.ix_(places, places)] @ slopes
     assert np.sqrt(variance) == pytest.approx(estimate.parameters["link_inertia"].std, rel=1e-6)
-
-
-def test_what_the_log_leaves_free_has_an_infinite_variance(estimate):
-    """Assert infinite variances of a free coefficient, its parameter and a fixed constant alone."""
     lost = estimate.result.fit.without_knowledge_of({"theta1"})
     held = replace(estimate.parameters["joint_stiffness"], name="bend", std=np.inf, slopes={})
     parameters = {**estimate.parameters, "bend": held}
@@ -53,15 +49,6 @@ def test_what_the_log_leaves_free_has_an_infinite_variance(estimate):
     variance = dict(zip(poor.names, np.diag(poor.covariance), strict=True))
     free = {name for name, v in variance.items() if np.isinf(v)}
     assert free == {"theta1", "gravity_torque", "bend"}
-
-
-def test_values_as_a_frame(estimate):
-    """Assert that each value is a row, with its interval at the requested level."""
-    rows = {row["name"]: row for row in estimate.to_dataframe(level=0.5).to_dicts()}
-    assert tuple(rows) == estimate.names
-    low, high = estimate.intervals(0.5)["joint_stiffness"]
-    assert (rows["joint_stiffness"]["lower"], rows["joint_stiffness"]["upper"]) == (low, high)
-    assert rows["joint_stiffness"]["kind"] == "parameter"
 
 
 def test_it_shows_itself(estimate, loaded):
@@ -114,8 +101,13 @@ def test_what_a_figure_does_not_take_is_named(estimate, refusals):
     refusals({what: partial(estimate.plot, name, **more) for what, (name, more) in calls.items()})
 
 
-def test_values_are_found_by_name(estimate):
-    """Assert that parameters and coefficients are items, and that a similar name is proposed."""
+def test_values_by_name(estimate):
+    """Assert a row for each value with its interval, items by name, and a similar name."""
+    rows = {row["name"]: row for row in estimate.to_dataframe(level=0.5).to_dicts()}
+    assert tuple(rows) == estimate.names
+    low, high = estimate.intervals(0.5)["joint_stiffness"]
+    assert (rows["joint_stiffness"]["lower"], rows["joint_stiffness"]["upper"]) == (low, high)
+    assert rows["joint_stiffness"]["kind"] == "parameter"
     assert estimate["joint_stiffness"] == estimate.parameters["joint_stiffness"]
     assert estimate["theta2"] == estimate.coefficients["theta2"]
     assert "theta2" in estimate

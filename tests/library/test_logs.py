@@ -77,16 +77,6 @@ def test_the_same_data_twice_are_known(arrays):
     assert flexid.read_log(other).sha256 not in digests
 
 
-def test_a_log_is_taken_as_it_is(arrays):
-    """Assert that a log or a recording is used unchanged, and that a list may mix all kinds."""
-    log = flexid.read_log(arrays)
-    assert flexid.read_log(log) is log
-    (recording,) = log.recordings
-    alone = flexid.read_log(recording)
-    assert alone.recordings == (recording,)
-    assert all_logs([log, recording, arrays], None)[0] is log
-
-
 OTHERS = {name: np.arange(3.0) for name in NAMES}
 NO_LOG = {
     "a number": 3,
@@ -120,8 +110,14 @@ def test_what_holds_no_log(refusals):
         flexid.read_log(pd.DataFrame([[0.0, 1.0]], columns=["time", "time"]))
 
 
-def test_a_map_for_what_was_read_is_refused(arrays, tmp_path):
-    """Assert that a column map for an existing log is refused instead of ignored."""
+def test_a_log_is_taken_as_it_is(arrays, tmp_path):
+    """Assert that logs and recordings are used unchanged, without a column map for them."""
+    log = flexid.read_log(arrays)
+    assert flexid.read_log(log) is log
+    (recording,) = log.recordings
+    alone = flexid.read_log(recording)
+    assert alone.recordings == (recording,)
+    assert all_logs([log, recording, arrays], None)[0] is log
     log = flexid.read_log(arrays)
     with pytest.raises(SettingError, match="columns"):
         flexid.read_log(log, columns=tmp_path / "map.toml")

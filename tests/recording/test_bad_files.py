@@ -40,11 +40,6 @@ def line(number: int, *texts: str) -> Edit:
     return lambda lines: [*lines[: number - 1], *texts, *lines[number:]]
 
 
-def added(number: int, *texts: str) -> Edit:
-    """Insert lines before one, counted from 1."""
-    return lambda lines: [*lines[: number - 1], *texts, *lines[number - 1 :]]
-
-
 def clocked(step: int) -> Edit:
     """Replace the time by whole multiples of a step."""
     return lambda lines: [
@@ -86,7 +81,7 @@ TEXTS: dict[str, Edit] = {
     "a word": cell(9, 1, "oops"),
     "a word in the first row": cell(2, 0, "s"),
     "a stamp among numbers": cell(9, 0, "2024-05-01 12:00:00.5"),
-    "a time twice": added(32, f"{LINES[30].rpartition(',')[0]},7"),
+    "a time twice": line(32, f"{LINES[30].rpartition(',')[0]},7", LINES[31]),
     "a time that runs back": lambda lines: [*lines[:30], *lines[10:]],
     "a short row": line(10, "0.04,1.0"),
     "a short second row": line(3, "0.04,1.0"),
@@ -100,7 +95,9 @@ TEXTS: dict[str, Edit] = {
     "text behind a quotation": cell(9, 1, '"1"0'),
     "an open quotation in the header": header("time", '"time'),
     "comments alone": lambda lines: ["# " + one for one in lines],
-    "two units": lambda t: added(2, "ms,rad,rad,rad/s,rad/s,Nm")(header("time", "time [s]")(t)),
+    "two units": lambda t: line(2, "ms,rad,rad,rad/s,rad/s,Nm", t[1])(
+        header("time", "time [s]")(t)
+    ),
     "many columns": lambda lines: [lines[0] + MORE, *(one + THRICE for one in lines[1:4])],
     "a long line": lambda lines: [",".join(lines) * 300],
     "numbers of samples": clocked(1),

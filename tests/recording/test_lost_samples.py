@@ -72,15 +72,11 @@ def test_an_error_that_is_usual_nearby_shows_less():
     assert found.min() == 1.0  # a calm stretch does not count more
 
 
-def test_repeated_samples_are_no_lost_ones():
-    """Assert that a log with as many repeated as lost samples is left unchanged."""
+def test_nothing_is_sought_in_other_logs():
+    """Assert no losses if as many samples repeat, or if the time itself shows them."""
     positions, _ = without(motion(1e-5), np.arange(100, 2900, 140))
     repeated = [np.insert(p, np.arange(50, 2900, 140), p[50:2900:140]) for p in positions]
     assert not lost_of(repeated).any()
-
-
-def test_a_clock_that_was_read_is_left_alone():
-    """Assert that losses are not sought if the time itself shows them."""
     positions, true = without(motion(1e-5), np.arange(100, 2900, 50))
     read = STEP * np.append(0, np.cumsum(1.0 + true))
     assert not lost_samples(positions, read).any()
@@ -103,16 +99,12 @@ def test_double_steps_of_a_coarse_clock_are_no_losses(lost: list[int]):
     assert 1.0 / np.diff(found).mean() == pytest.approx(97.0, rel=1e-3)
 
 
-def test_losses_that_recur_evenly_are_no_coarse_clock():
-    """Assert that positions decide if a coarse clock and regular losses give the same times."""
+def test_positions_decide_what_double_steps_are():
+    """Assert losses if positions show them, and else a coarse clock, even with random steps."""
     time, positions = coarse(100.0, np.arange(20, 3000, 32))
     assert even_times(time, positions) is None
     still = [0.0 * values for values in positions]
     assert even_times(time, still) is not None
-
-
-def test_a_clock_that_jumps_is_counted_on_the_evidence_of_the_positions():
-    """Assert that random double steps of the clock are removed if positions contradict them."""
     time = STEP * np.arange(3000, dtype=np.float64)
     for place in np.random.default_rng(5).choice(np.arange(20, 2980), 40, replace=False):
         time[place:] += STEP

@@ -21,33 +21,25 @@ def joined(
     return on_one_clock("log", {"slow": TIMES, "other": times}, signals)
 
 
-def test_the_same_clock():
-    """Assert that time stamps that differ by rounding are one clock, without interpolation."""
+def test_positions_are_kept_or_interpolated():
+    """Assert no interpolation for times that differ by rounding, and else exact cubics."""
     values = np.random.default_rng(1).normal(size=100)
     times, columns, warnings = joined(TIMES + 1e-7, values)
     np.testing.assert_array_equal(columns["b"], values)
     np.testing.assert_array_equal(times, TIMES)
     assert not warnings
-
-
-def test_cubics_are_kept():
-    """Assert that a cubic position is interpolated exactly."""
     fast = 0.0033 * np.arange(320.0)
     times, columns, warnings = joined(fast, fast**3 - fast)
     np.testing.assert_allclose(columns["b"], times**3 - times, atol=1e-12)
     assert "'b' had time stamps of their own" in warnings[0]
 
 
-def test_inputs_do_not_overshoot():
-    """Assert that an input with steps, sampled about as often, stays between its values."""
+def test_inputs_keep_their_range_and_impulse():
+    """Assert steps that stay in range, and the impulse of a torque that is sampled faster."""
     as_fast = 0.0095 * np.arange(110.0)
     _, columns, warnings = joined(as_fast, np.sign(np.sin(20.0 * as_fast) + 0.1), held=True)
     assert np.abs(columns["b"]).max() <= 1.0
     assert len(warnings) == 1
-
-
-def test_a_fast_input_acts_by_its_mean():
-    """Assert that the impulse of a noisy torque is kept; every tenth sample would lose it."""
     fast = 0.001 * np.arange(1000.0)
     noise = np.random.default_rng(4).normal(size=len(fast))
     impulse = 0.001 * np.cumsum(noise)
@@ -71,26 +63,18 @@ def test_what_the_slower_clock_can_show_passes_without_delay(rate: float, gain: 
     np.testing.assert_allclose(columns["b"][middle], gain * np.sin(rate * times[middle]), atol=0.01)
 
 
-def test_nothing_is_filtered_across_a_gap():
-    """Assert that an input after a gap does not affect samples before the gap."""
+def test_gaps_and_pauses_of_a_clock():
+    """Assert no filter across a gap, no samples in another's gap, and the rate without a pause."""
     fast = 0.001 * np.arange(1000.0)
     kept = (fast < 0.4) | (fast > 0.6)
     times, columns, _ = joined(fast[kept], np.where(fast < 0.5, 1.0, -50.0)[kept], held=True)
     np.testing.assert_allclose(columns["b"], np.where(times < 0.5, 1.0, -50.0), rtol=1e-9)
-
-
-def test_a_gap_of_another_clock_is_one():
-    """Assert that no samples are created in a gap of another signal."""
     fast = 0.005 * np.arange(200.0)
     logged = fast[(fast < 0.3) | (fast > 0.6)]
     times, columns, _ = joined(logged, np.sin(logged))
     assert not ((times > 0.3) & (times < 0.6)).any()
     np.testing.assert_allclose(columns["b"], np.sin(times), atol=1e-9)
     assert set(times) == {t for t in TIMES if t <= 0.295 + 1e-12 or 0.605 - 1e-12 <= t <= fast[-1]}
-
-
-def test_a_clock_that_paused_is_no_slower():
-    """Assert that a fast clock with a long pause counts as fast, and its input is filtered."""
     fast = np.concatenate((0.001 * np.arange(20.0), 0.97 + 0.001 * np.arange(15.0)))
     assert len(fast) < len(TIMES)
     times, _, warnings = joined(fast, np.zeros(len(fast)), held=True)

@@ -231,21 +231,6 @@ def test_invalid_samples_of_a_part(tmp_path: Path) -> None:
     assert "1 of its 25 samples, from 51 on, are marked" in refused(next, tables)
 
 
-def test_a_bomb_of_matlab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that contents that exceed a limit of memory, or claim to, are refused."""
-    size = (100_000).to_bytes(4, "little") * 2
-    claim = edited(
-        lambda p: savemat(p, {"time": np.arange(100.0)}, format="4"),
-        lambda raw: raw[:4] + size + raw[12:],
-    )
-    claim(tmp_path / "4.mat")
-    refused(read_log, tmp_path / "4.mat")
-    monkeypatch.setattr(guard, "LIMITS", guard.LIMITS._replace(memory=300_000_000))
-    savemat(tmp_path / "log.mat", {"zeros": np.zeros(40_000_000)}, do_compression=True)
-    assert (tmp_path / "log.mat").stat().st_size < 1_000_000
-    assert "exceeds the limit of memory or time" in refused(read_log, tmp_path / "log.mat")
-
-
 def test_names_that_are_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Assert that an invalid type name does not reach code that executes it."""
     trap = tmp_path / "executed"
@@ -266,8 +251,19 @@ def test_names_that_are_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     assert not trap.exists()
 
 
-def test_a_bomb_of_mcap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that a chunk that exceeds a limit of memory when unpacked is refused."""
+def test_bombs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that contents which exceed a limit of memory, or claim to, are refused."""
+    size = (100_000).to_bytes(4, "little") * 2
+    claim = edited(
+        lambda p: savemat(p, {"time": np.arange(100.0)}, format="4"),
+        lambda raw: raw[:4] + size + raw[12:],
+    )
+    claim(tmp_path / "4.mat")
+    refused(read_log, tmp_path / "4.mat")
+    monkeypatch.setattr(guard, "LIMITS", guard.LIMITS._replace(memory=300_000_000))
+    savemat(tmp_path / "log.mat", {"zeros": np.zeros(40_000_000)}, do_compression=True)
+    assert (tmp_path / "log.mat").stat().st_size < 1_000_000
+    assert "exceeds the limit of memory or time" in refused(read_log, tmp_path / "log.mat")
     monkeypatch.setattr(guard, "LIMITS", guard.LIMITS._replace(memory=150_000_000))
     messages = [("/drive", STAMPS[0], {"zeros": " " * 200_000_000})]
     for compression in ("ZSTD", "LZ4"):

@@ -25,8 +25,8 @@ def panel(*marks, x=None, y=None, **layout) -> Panel:
     return Panel("a title", x or Axis("time", "s"), y or Axis("angle", "rad"), marks, **layout)
 
 
-def test_every_mark_is_drawn_as_it_is():
-    """Assert that values, colours, strokes and labels equal those of the marks."""
+def test_marks_and_axes_are_as_described():
+    """Assert values, colours, strokes and labels of marks; units, scale and steps of axes."""
     line = Line("line", X, Y, "red", 2.5, "dotted")
     band, level = Band("band", X, -X, X, "green"), Level("level", 3.0, "x", "orange", "dashed")
     (ax,) = draw(chart(panel(band, line, level))).axes
@@ -38,10 +38,6 @@ def test_every_mark_is_drawn_as_it_is():
     (shade,) = ax.collections
     assert np.array_equal(shade.get_datalim(ax.transData).intervaly, [-100.0, 100.0])
     assert to_hex(np.asarray(shade.get_facecolor())[0]) == COLOURS["green"]
-
-
-def test_axes_have_labels_units_scale_and_limits():
-    """Assert that an axis equals its description, with numbers at its steps."""
     x = Axis("frequency", "Hz", logarithmic=True, limits=(0.1, 1000.0))
     y = Axis("phase", "°", limits=(-180.0, 90.0), step=90.0)
     (ax,) = draw(chart(panel(Line("", X, Y), x=x, y=y))).axes
@@ -72,8 +68,8 @@ def test_the_legend_is_no_wider_than_the_figure(length):
     assert box.y1 < figure.axes[0].get_window_extent().y0
 
 
-def test_what_panels_share_is_labelled_once():
-    """Assert that the panels of a column share x, with one label at the lowest panel."""
+def test_layout_of_panels():
+    """Assert that a column shares x with one label, and that spans and heights are kept."""
     y = Axis("angle", "rad", limits=(0.0, 500.0))
     panels = [panel(Line("", X, k * X), y=y) for k in range(1, 5)]
     axes = draw(chart(*panels, columns=2)).axes
@@ -85,10 +81,6 @@ def test_what_panels_share_is_labelled_once():
     free = draw(chart(panel(Line("", X, X)), panel(Line("", X, 9.0 * X)), columns=2)).axes
     assert [ax.get_ylabel() for ax in free] == ["angle (rad)"] * 2
     assert free[1].get_ylim()[1] > 5.0 * free[0].get_ylim()[1]
-
-
-def test_panels_are_as_wide_and_high_as_they_ask():
-    """Assert that a panel over both columns has its own row, and that heights are kept."""
     line = Line("", X, Y)
     wide = panel(line, span=2, height=2.0)
     figure = draw(chart(wide, panel(line), panel(line), columns=2))

@@ -18,17 +18,13 @@ def test_json_has_no_infinities():
     assert json.loads(text) == {"a": [None, {"b": None}], "c": [1.5, "x"]}
 
 
-def test_output_appears_whole(tmp_path):
-    """Assert that files written in the staging directory end up in the named one."""
+def test_output_appears_whole_or_not_at_all(tmp_path):
+    """Assert that files appear at the end, and that a failure leaves earlier results alone."""
     out = tmp_path / "deep" / "out"
     with output_directory(out) as directory:
         (directory / "a.txt").write_text("1")
         assert not (out / "a.txt").exists()
     assert [file.name for file in out.iterdir()] == ["a.txt"]
-
-
-def test_failure_leaves_nothing_behind(tmp_path):
-    """Assert that a failure leaves earlier results, no new ones, and no new directory."""
     out = tmp_path / "out"
     out.mkdir()
     (out / "a.txt").write_text("old")
@@ -62,8 +58,8 @@ def test_what_a_killed_process_has_left_is_removed(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_directory_in_the_way_of_a_file_is_refused(tmp_path):
-    """Assert that a directory with a file's name is an error before any file is moved."""
+def test_directories_that_cannot_be_written(tmp_path):
+    """Assert that a directory with a file's name, or with a name not in UTF-8, is refused."""
     (tmp_path / "b.txt").mkdir()
 
     def write():
@@ -74,10 +70,6 @@ def test_directory_in_the_way_of_a_file_is_refused(tmp_path):
     with pytest.raises(SettingError, match="is a directory"):
         write()
     assert [file.name for file in tmp_path.iterdir()] == ["b.txt"]
-
-
-def test_name_that_is_no_text_is_refused(tmp_path):
-    """Assert that a directory whose name is no UTF-8, unusable for tables, is refused first."""
     out = tmp_path / "run\udcff"
     with pytest.raises(SettingError, match="not UTF-8"), output_directory(out):
         pass

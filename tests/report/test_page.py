@@ -1,7 +1,5 @@
 """The page of an identification, in a browser: content, security, themes, small screens, print."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import pytest

@@ -111,16 +111,12 @@ def test_holm_lies_between_one_by_one_and_all_times_their_number():
     assert holm([], 0.05) == []
 
 
-def test_one_log_cannot_have_changed():
-    """Assert that estimates of one log are compared by the sum of their standard errors."""
+def test_one_log_or_estimate_twice():
+    """Assert that one log's standard errors add up, and that one estimate twice is refused."""
     near, far = (compared(number(5.0, 0.1), number(b, 0.1), same_log=True) for b in (5.37, 5.43))
     assert near.outcome == "compatible"
     assert far.outcome == "contradictory"
     assert near.interval == pytest.approx((0.37 - 1.959964 * 0.2, 0.37 + 1.959964 * 0.2))
-
-
-def test_an_estimate_and_itself_are_refused():
-    """Assert that one estimate twice is refused, and that equal values of two logs are compared."""
     a = drawn(np.random.default_rng(9))
     with pytest.raises(SettingError, match="A and B are the same estimate"):
         compare_estimates(a, a)

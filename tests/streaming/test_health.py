@@ -33,7 +33,7 @@ def widths(half: float, apart: float = 0.0, value: float = 100.0):
         ({"bad_share": 0.21}, Health.SENSOR_FAULT, "21 % of the latest samples"),
         ({"bad_share": 0.19}, Health.CONVERGED, ""),
         ({"widths": widths(19.9)}, Health.CONVERGED, ""),
-        ({"widths": widths(0.0012)}, Health.CONVERGED, "within 0.0012 %"),
+        ({"widths": widths(0.0012)}, Health.CONVERGED, "theta2 is known within 0.0012 %"),
         ({"widths": widths(20.1)}, Health.CONVERGING, "within 20 % so far"),
         ({"widths": widths(float("inf"))}, Health.CONVERGING, "no bounds"),
         ({"widths": widths(90.0, 99.0)}, Health.CONVERGING, ""),

@@ -9,7 +9,6 @@ import numpy as np
 import polars as pl
 import pytest
 from moving_joint import (
-    CHOSEN,
     LINK,
     MOTOR,
     TIME,
@@ -22,7 +21,6 @@ from moving_joint import (
 )
 
 from flexid.errors import RecordingError
-from flexid.library.watched import Watch
 from flexid.streaming import incoming
 from flexid.streaming.incoming import Replay, open_source
 
@@ -104,14 +102,6 @@ def written(path: Path, samples: np.ndarray) -> Path:
     frame = pl.DataFrame({name: samples[:, column] for name, column in NAMES.items()})
     frame.write_parquet(path, row_group_size=130)  # rows read at once
     return path
-
-
-def test_a_whole_log_is_watched_as_its_samples_are(tmp_path: Path):
-    """Assert that following a whole log equals feeding its samples."""
-    samples = stream(3.0)
-    watch = Watch(str(written(tmp_path / "log.parquet", samples)), CHOSEN, stop_at_end=True)
-    assert sum(watch.turns()) == 3
-    assert same(watch.result, watched(samples))
 
 
 def test_an_encoder_in_front_of_a_gear_wraps_by_what_the_column_map_says(tmp_path: Path):

@@ -1,7 +1,5 @@
 """Choices of a window, read from its address."""
 
-from __future__ import annotations
-
 import pytest
 
 from flexid.errors import SettingError
@@ -10,7 +8,7 @@ from flexid.studio.choices import Choices, Source, read_choices, read_play
 
 
 def test_an_address_says_all():
-    """Assert that every choice of a form is read."""
+    """Assert that every choice of a form is read, and that terms have one order."""
     values = {
         "column.motor_position": "q & <b>",
         "unit.motor_position": "deg",
@@ -21,7 +19,7 @@ def test_an_address_says_all():
         "lead": "1/200",
         "model": "flexible",
         "hold": "zero",
-        "terms": "gravity,motor_viscous",
+        "terms": "motor_viscous,gravity,motor_viscous",
         "ran": "yes",
     }
     sources = {"motor_position": Source("q & <b>", "deg", -0.5, 1e-9), "time": Source("t")}
@@ -29,26 +27,6 @@ def test_an_address_says_all():
     assert read_choices(values) == Choices(sources, 101.0, "flexible", "zero", terms, True, 0.005)
     assert read_choices({}) == Choices()
     assert read_choices({"terms": ""}).terms == ()  # other than in the log
-
-
-def test_choices_as_a_column_map():
-    """Assert that the map has the differences from the file, without unselected columns."""
-    choices = read_choices({"column.time": "t", "column.motor_position": "q", "gear_ratio": "101"})
-    assert choices.column_map == {
-        **dict.fromkeys(SI_UNITS, False),
-        "time": {"column": "t"},
-        "motor_position": {"column": "q"},
-        "gear_ratio": 101.0,
-    }
-    assert Choices().column_map is None
-    assert read_choices({"column.time": "t", "gear_ratio": "1/101"}).gear_ratio == 1.0 / 101.0
-
-
-def test_terms_have_one_order():
-    """Assert that the order of terms in an address does not matter."""
-    assert read_choices({"terms": "motor_viscous,gravity"}) == read_choices(
-        {"terms": "gravity,motor_viscous,gravity"}
-    )
 
 
 @pytest.mark.parametrize(
@@ -73,7 +51,16 @@ def test_what_cannot_be_meant_is_refused(values: object):
         [read(values) for read in (read_choices, read_play)]
 
 
-def test_what_is_unknown_is_left_out():
-    """Assert that file names, and values other than text, are ignored in an address."""
+def test_choices_as_a_column_map():
+    """Assert a map of the differences from the file, without what is unknown or no text."""
+    choices = read_choices({"column.time": "t", "column.motor_position": "q", "gear_ratio": "101"})
+    assert choices.column_map == {
+        **dict.fromkeys(SI_UNITS, False),
+        "time": {"column": "t"},
+        "motor_position": {"column": "q"},
+        "gear_ratio": 101.0,
+    }
+    assert Choices().column_map is None
+    assert read_choices({"column.time": "t", "gear_ratio": "1/101"}).gear_ratio == 1.0 / 101.0
     hostile = {"log": "../../etc/passwd", "column.password": "x", "ran": True, 3: "x", "model": 3}
     assert read_choices(hostile) == Choices()

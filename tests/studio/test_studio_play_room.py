@@ -1,8 +1,6 @@
 """Play: limits of its sliders, its runs, and the room in a browser."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,22 +15,15 @@ from flexid.studio import play as played
 from flexid.studio.choices import READINGS, SLIDERS, TABLE1, read_play
 from flexid.studio.play import play
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
 
-
-def test_it_begins_at_table_one():
-    """Assert that the first view has the paper's loop and an ideal drive."""
+def test_runs_of_an_address():
+    """Assert the paper's loop at first, and a run and a pinned run of one address."""
     paper = table1_loop((1, 2, 3))
     assert TABLE1.loop.parameters.tolist() == pytest.approx(paper.parameters.tolist())
     assert TABLE1.loop.start_estimates.tolist() == paper.start_estimates.tolist()
     assert TABLE1.sampling is None
     assert read_play({}) == TABLE1
     assert set(READINGS) == {"1,2,3", "1,1,3"}
-
-
-def test_an_address_says_all():
-    """Assert that a run and a pinned run are read from one address."""
     held = {"reading": "1,1,3", "k": "80", "sampled": "yes", "torque_limit": "500"}
     chosen = read_play({**held, "pin.amplitude": "0.5"})
     assert (chosen.reading, chosen.values["k"], chosen.sampled) == ("1,1,3", 80.0, True)
@@ -80,8 +71,13 @@ def test_a_sampled_drive_is_played():
     assert second["tracking error"] > first["tracking error"]
 
 
-def test_what_diverges_is_said(monkeypatch: pytest.MonkeyPatch):
-    """Assert that a loop that stops early is reported in one sentence, with the pinned run."""
+def test_runs_that_stop_early_are_said(monkeypatch: pytest.MonkeyPatch):
+    """Assert that a loop which is too stiff, or diverges, is reported, with the pinned run."""
+    place = {"joint_stiffness": "356.284", "link_inertia": "0.479886", "motor_inertia": "1.90409"}
+    place |= {"gravity_torque": "7.80828", "motor_viscous_friction": "0.994425", "k": "9.72432"}
+    place |= {"c": "19.3159", "amplitude": "0.471841", "frequency": "6.3583", "reading": "1,1,3"}
+    (problem,) = play(read_play(place), None).problems
+    assert f"{played._MOST_STEPS} steps did not suffice" in problem
 
     def stopped(loop: ClosedLoop, *settings: Any) -> Run:
         if loop.controller.parameters["k"] > 60.0:
@@ -93,15 +89,6 @@ def test_what_diverges_is_said(monkeypatch: pytest.MonkeyPatch):
     assert found.problems == ("This run stops at 1.5 s: the loop diverges. Move a slider back.",)
     assert found.rows[0][1] == ""
     assert found.rows[0][2] != ""
-
-
-def test_a_run_that_would_take_long_is_given_up():
-    """Assert that a run which is too stiff stops after a limited number of steps."""
-    place = {"joint_stiffness": "356.284", "link_inertia": "0.479886", "motor_inertia": "1.90409"}
-    place |= {"gravity_torque": "7.80828", "motor_viscous_friction": "0.994425", "k": "9.72432"}
-    place |= {"c": "19.3159", "amplitude": "0.471841", "frequency": "6.3583", "reading": "1,1,3"}
-    (problem,) = play(read_play(place), None).problems
-    assert f"{played._MOST_STEPS} steps did not suffice" in problem
 
 
 def test_the_tolerance_suffices_for_what_is_shown():
@@ -127,13 +114,13 @@ def test_where_the_true_value_is_zero_the_error_has_its_unit():
     assert [symbol in found.figure for symbol in SYMBOLS.values()] == [False, True, True, False]
 
 
-def cell(page: Page, column: int) -> str:
+def cell(page, column: int) -> str:
     """Return the tracking error of this run, or of the pinned one."""
     return page.inner_text(f"#play-figures tbody tr:first-child td:nth-child({column + 1})")
 
 
 @pytest.mark.thorough
-def test_the_misprint_is_one_click_away(page: Page, empty_address: str):
+def test_the_misprint_is_one_click_away(page, empty_address: str):
     """Assert that the other reading is one click away, next to the first, and kept in the link."""
     watched = Watched(page)
     page.goto(empty_address)
@@ -156,7 +143,7 @@ def test_the_misprint_is_one_click_away(page: Page, empty_address: str):
 
 
 @pytest.mark.thorough
-def test_a_slider_is_moved_pinned_and_put_back(page: Page, empty_address: str):
+def test_a_slider_is_moved_pinned_and_put_back(page, empty_address: str):
     """Assert that keys move a slider, that the run can be pinned, and that a reset works."""
     page.goto(f"{empty_address}?room=play&pin=none")
     page.wait_for_selector("#play-figures table")

@@ -1,7 +1,5 @@
 """Results of a window: files kept, replaced and removed."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
@@ -139,14 +137,6 @@ async def test_a_cancelled_run_leaves_what_is_shown(studio: Opened):
     assert sorted(files) == ["estimate.json", "mjcf.zip", "report.html"]
 
 
-async def test_a_bad_address_is_said_beside_the_log(studio: Opened, short_log: Path):
-    """Assert that reading the command line's log does not remove the message of a bad address."""
-    studio.window.offer = Offer(short_log, *[studio.workers] * 3)
-    await studio.room.open({"model": "nonsense"})
-    await studio.idle()
-    assert "is not one of auto" in studio.shown("log-problem")
-
-
 async def test_other_columns_do_not_change_what_was_found(studio: Opened):
     """Assert that other columns are checked, and that exports still use the earlier result."""
     await studio.identify("a.csv")
@@ -172,10 +162,11 @@ async def test_a_log_that_is_sent_replaces_another(studio: Opened):
 
 
 async def test_the_log_of_the_command_line_is_kept(studio: Opened, short_log: Path):
-    """Assert that an upload does not delete the log of the command line."""
-    own = Offer(short_log, *[studio.workers] * 3)
-    studio.window.offer = own
-    await studio.room.open({})
+    """Assert that this log hides no message of a bad address, and outlives an upload."""
+    studio.window.offer = Offer(short_log, *[studio.workers] * 3)
+    await studio.room.open({"model": "nonsense"})
+    await studio.idle()
+    assert "is not one of auto" in studio.shown("log-problem")
     studio.upload("a.csv")
     await studio.idle()
     assert short_log.exists()
