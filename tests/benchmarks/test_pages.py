@@ -102,8 +102,8 @@ def test_each_threshold_is_halved_and_doubled():
         assert all(value == getattr(THRESHOLDS, rest) for rest, value in other.items())
 
 
-def test_changes_of_a_source():
-    """Assert that operators, numbers and keywords change one at a time, and annotations do not."""
+def test_mutants():
+    """Assert one change at a time and none of annotations; pages as the results, all judged."""
     source = 'def f(δ: "int" = 2) -> "a | b":\n    return not δ <= 3.0 and f"{1}"\n'
     found = {whole.decode().removesuffix("\n") for *_, whole in changes(source.encode())}
     for before, after in (
@@ -116,10 +116,6 @@ def test_changes_of_a_source():
     ):
         found.remove(source.replace(before, after).removesuffix("\n"))
     assert not found
-
-
-def test_the_pages_show_what_is_kept():
-    """Assert that table and list on the page match the results, with each survivor judged."""
     results = mutants_page.kept()
     page = mutants_page.PAGE.read_text(encoding="utf-8")
     assert block_of(page, mutants_page.BLOCK) == "\n".join([*mutants_page.table(results), ""])

@@ -47,13 +47,6 @@ def missing(directory, manifest=MANIFEST):
         return store.missing()
 
 
-def test_a_new_directory_lacks_everything(tmp_path):
-    """Assert that the manifest is written before parts, and that parts contain each run once."""
-    assert missing(tmp_path / "a" / "b") == [0, 1, 2]
-    assert json.loads((tmp_path / "a" / "b" / "campaign.json").read_text())["runs"] == 7
-    assert [list(MANIFEST.runs_of(n)) for n in MANIFEST.parts] == [[0, 1, 2], [3, 4, 5], [6]]
-
-
 def cut(path, size):
     """Truncate a file."""
     path.write_bytes(path.read_bytes()[:size])
@@ -74,8 +67,11 @@ def test_a_damaged_part_is_run_again(full, damage):
     assert missing(full) == [1]
 
 
-def test_a_directory_keeps_its_part_size(full):
-    """Assert that existing parts determine the size of later parts."""
+def test_parts_of_a_directory(tmp_path, full):
+    """Assert a manifest before parts, each run once, and the size of parts that exist."""
+    assert missing(tmp_path / "a" / "b") == [0, 1, 2]
+    assert json.loads((tmp_path / "a" / "b" / "campaign.json").read_text())["runs"] == 7
+    assert [list(MANIFEST.runs_of(n)) for n in MANIFEST.parts] == [[0, 1, 2], [3, 4, 5], [6]]
     with open_store(full, MANIFEST.model_copy(update={"runs_per_part": 2})) as store:
         assert store.manifest == MANIFEST
         assert store.missing() == []

@@ -142,8 +142,13 @@ def test_a_value_that_is_not_allowed_is_a_row(tmp_path):
     assert rows.filter(negative)["final_error.theta1"].is_nan().all()
 
 
-def test_an_unexpected_failure_loses_one_run(tmp_path, monkeypatch):
-    """Assert that runs of a failed ensemble are tried singly, with the same bits."""
+def test_parts_that_stop_or_fail(tmp_path, monkeypatch):
+    """Assert a stop between batches, and that a failed run alone is lost, with the same bits."""
+    experiment, table = planned(tmp_path, grid("observer.link", [1.0] * 20))
+    asked = iter([False, True])
+    with pytest.raises(Stopped):
+        part_rows(experiment, table, lambda: next(asked))
+    assert next(asked, "all asked") == "all asked"
     experiment, table = planned(tmp_path, grid("observer.link", [1.0, 2.0, 3.0]))
     whole = part_rows(experiment, table)
     simulate = rows_module.simulate_sampled_ensemble
@@ -158,12 +163,3 @@ def test_an_unexpected_failure_loses_one_run(tmp_path, monkeypatch):
     assert rows["status"].to_list() == ["finished", "error", "finished"]
     assert rows["error"].to_list() == [None, "ZeroDivisionError: no way", None]
     assert rows[[0, 2]].equals(whole[[0, 2]])
-
-
-def test_a_part_stops_when_asked(tmp_path):
-    """Assert that a part stops between two batches on request."""
-    experiment, table = planned(tmp_path, grid("observer.link", [1.0] * 20))
-    asked = iter([False, True])
-    with pytest.raises(Stopped):
-        part_rows(experiment, table, lambda: next(asked))
-    assert next(asked, "all asked") == "all asked"

@@ -44,16 +44,6 @@ def test_examples_are_accepted(example, tmp_path, monkeypatch):
     assert context.params
 
 
-def test_a_command_loads_no_other():
-    """Assert that a command does not load the modules of other commands."""
-    code = (
-        "import sys; from flexid.cli.main import main; sys.argv = ['flexid', 'derive', 'x.toml']\n"
-        "try: main()\nexcept SystemExit: print('flexid.library.identify' in sys.modules)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.stdout == "False\n"
-
-
 # Packages that take a quarter of a second or more to import, and that a log in SI units with
 # existing kernels does not need.
 HEAVY = ["sympy", "matplotlib"]
@@ -69,8 +59,14 @@ print([name for name in {HEAVY} if name in sys.modules], file=sys.stderr)
 """
 
 
-def test_identification_starts_light(examples: Path, flexid):
-    """Assert that a second identification imports no slow package."""
+def test_commands_start_light(examples: Path, flexid):
+    """Assert that a command loads no other's modules, and a second identification nothing slow."""
+    code = (
+        "import sys; from flexid.cli.main import main; sys.argv = ['flexid', 'derive', 'x.toml']\n"
+        "try: main()\nexcept SystemExit: print('flexid.library.identify' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == "False\n"
     command = [sys.executable, "-c", IDENTIFY, "identify", str(examples / "flexible_joint.csv")]
     assert flexid(*command[3:]).status == 0  # kernels may be missing
     done = subprocess.run(command, capture_output=True, text=True, check=True)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.io import savemat
 
 from flexid.recording.read import read_log
+from flexid.studies.runs import PHYSICAL
 from made_estimates import TRUE
 
 
@@ -71,9 +72,7 @@ def test_log_and_truth_are_what_the_script_makes(
     assert text == script.truth()
     truth = tomllib.loads(text)
     values = {name: entry["value"] for table in truth.values() for name, entry in table.items()}
-    physical = {"gravity_torque": 5.0, "link_inertia": 1.0, "joint_stiffness": 100.0}
-    physical |= {"motor_inertia": 0.3, "motor_viscous_friction": 0.1}
-    assert values == pytest.approx({**physical, **TRUE}, rel=1e-15)
+    assert values == pytest.approx({**PHYSICAL, **TRUE}, rel=1e-15)
 
 
 def test_the_column_map_undoes_what_the_logger_did(examples, tmp_path, monkeypatch):

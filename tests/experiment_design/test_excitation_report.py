@@ -86,21 +86,6 @@ def test_given_coefficients_cost_nothing(tmp_path):
     assert all(c.partner != "beta1" for c in report.coefficients.values())
 
 
-def test_what_no_input_mends_is_said(faint):
-    """Assert that a contradiction to given values gets no advice, but the reason."""
-    _, report = faint
-    found = report.identification
-    contradicted = {
-        name: replace(
-            c, verdict="undetermined", reason="the log contradicts it", interval=(c.value, c.value)
-        )
-        for name, c in found.coefficients.items()
-    }
-    contradicting = replace(found, coefficients=contradicted)
-    lines = list(advice_lines(advise(contradicting)))
-    assert lines == ["Another input does not help: the log contradicts it."]
-
-
 def test_a_rigid_joint_is_examined_too():
     """Assert that a log with one encoder is assessed as a rigid joint."""
     from flexid.models.flexible_joint import rigid_joint
@@ -130,8 +115,19 @@ def test_command_says_it_all(flexid, faint, tmp_path):
     assert len(document["provenance"]["inputs"][0]["sha256"]) == 64
 
 
-def test_what_no_term_describes_is_no_lack_of_motion(example_estimate):
-    """Assert that a model error or disturbances are named, since other motion would not help."""
+def test_what_another_motion_does_not_mend(faint, example_estimate):
+    """Assert that contradictions, model errors and disturbances are named instead of advice."""
+    _, report = faint
+    found = report.identification
+    contradicted = {
+        name: replace(
+            c, verdict="undetermined", reason="the log contradicts it", interval=(c.value, c.value)
+        )
+        for name, c in found.coefficients.items()
+    }
+    contradicting = replace(found, coefficients=contradicted)
+    lines = list(advice_lines(advise(contradicting)))
+    assert lines == ["Another input does not help: the log contradicts it."]
     clean = example_estimate.result
     assert _caution(clean) == ""
     disturbed = replace(clean, disturbances=Disturbances({"motor": 0.3}, 1e-3))

@@ -80,14 +80,6 @@ def test_other_files_of_table_1(tmp_path: Path):
     assert marked.digest == read_experiment(FOLDER / "huang2003.toml").digest
 
 
-def test_sampling_makes_a_sampled_loop():
-    """Assert that the table ``sampling`` sets the sensors."""
-    experiment = read_experiment(FOLDER / "sampled_joint.toml")
-    step = 2 * np.pi / 65536
-    assert experiment.mode == "sampled"
-    assert experiment.sampling == Sampling(1e-3, 60.0, step, 2e-5, 1e-3, 1)
-
-
 def test_the_other_law_can_be_named(tmp_path: Path):
     """Assert that PD control takes its values from the file."""
     law = 'law = "pd-gravity"\nproportional = 5.0\nderivative = 1.0\n[controller.nominal]\n'
@@ -169,8 +161,12 @@ def test_faults_of_files(pendulum: Path, refusals: Any, monkeypatch: pytest.Monk
     refusals(calls | {"a term that no observer can have": lambda: read(damped).run()})
 
 
-def test_method_for_loops_that_are_not_stiff(tmp_path: Path):
-    """Assert that the file alone chooses the integrator."""
+def test_tables_choose_the_loop(tmp_path: Path):
+    """Assert sensors by the table ``sampling``, and the integrator by the table ``run``."""
+    experiment = read_experiment(FOLDER / "sampled_joint.toml")
+    step = 2 * np.pi / 65536
+    assert experiment.mode == "sampled"
+    assert experiment.sampling == Sampling(1e-3, 60.0, step, 2e-5, 1e-3, 1)
     explicit = read_experiment(write(tmp_path, TEXT.replace("[run]", "[run]\nstiff = false")))
     assert explicit.side_by_side
     assert "run.stiff" not in explicit.values

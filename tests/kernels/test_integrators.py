@@ -142,26 +142,6 @@ def test_order_is_five(method: str, least: float, first: int) -> None:
     assert least < slope(STEPS[first:], errors) < 5.3
 
 
-def test_order_of_dense_output_is_four() -> None:
-    """Assert at least fourth order between the steps."""
-    kernel = integrator(SMOOTH)
-    errors = []
-    times = np.arange(1001) / 1000.0
-    for step in STEPS:
-        samples = integrate(kernel, 1.0, START, 0.0, FIXED, 1e-9, step, 1000, 1e-3, len(times))[3]
-        errors.append(float(np.max(np.abs(samples - smooth_solution(times).T))))
-    assert 3.9 < slope(STEPS, errors) < 5.1
-
-
-@both
-def test_tolerance_is_met(method: str) -> None:
-    """Assert that the error stays near the tolerance and falls with it."""
-    kernel = integrator(SMOOTH, method)
-    for tolerance in (1e-4, 1e-6, 1e-8, 1e-10):
-        z = integrate(kernel, 1.0, START, 0.0, tolerance, tolerance)[2]
-        assert np.max(np.abs(z - smooth_solution(1.0))) < 10.0 * tolerance
-
-
 @pytest.mark.parametrize("stiffness", [1e2, 1e5, 1e8])
 def test_no_order_reduction_that_hurts(stiffness: float) -> None:
     """Assert that Prothero and Robinson's problem needs few steps for any stiffness."""
@@ -173,16 +153,27 @@ def test_no_order_reduction_that_hurts(stiffness: float) -> None:
 
 
 @both
-def test_no_way_on_is_reported(method: str) -> None:
-    """Assert that the run ends where the rates become undefined."""
+def test_tolerances_and_ends(method: str) -> None:
+    """Assert errors near the tolerance, and the end where rates become undefined."""
+    kernel = integrator(SMOOTH, method)
+    for tolerance in (1e-4, 1e-6, 1e-8, 1e-10):
+        z = integrate(kernel, 1.0, START, 0.0, tolerance, tolerance)[2]
+        assert np.max(np.abs(z - smooth_solution(1.0))) < 10.0 * tolerance
     kernel = integrator(SMOOTH, method)
     status, reached, *_ = integrate(kernel, 2.0, START, 1.0)
     assert status in (kernel.NOT_FINITE, kernel.STEP_TOO_SMALL)
     assert reached == pytest.approx(1.5, abs=1e-3)
 
 
-def test_samples_fall_on_both_ends() -> None:
-    """Assert that the first sample is the start and the last the end, exactly."""
+def test_dense_output() -> None:
+    """Assert fourth order between the steps, and samples at both ends exactly."""
+    kernel = integrator(SMOOTH)
+    errors = []
+    times = np.arange(1001) / 1000.0
+    for step in STEPS:
+        samples = integrate(kernel, 1.0, START, 0.0, FIXED, 1e-9, step, 1000, 1e-3, len(times))[3]
+        errors.append(float(np.max(np.abs(samples - smooth_solution(times).T))))
+    assert 3.9 < slope(STEPS, errors) < 5.1
     kernel = integrator(SMOOTH)
     _, _, z, samples, counts = integrate(kernel, 3 * 0.1, START, sample_time=0.1, samples=4)
     assert counts[2] == 4

@@ -1,13 +1,15 @@
-"""Invalid arguments of functions: one sentence with valid ones."""
+"""Invalid arguments of functions: one sentence with valid ones; properties of all exceptions."""
 
 from __future__ import annotations
 
 import inspect
+import pickle
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 import flexid
+from flexid import errors
 from flexid.cli.commands import COMMANDS
 from flexid.errors import ArgumentError
 from flexid.library.arguments import _CONVERTED, _TYPES, entrance, joint_settings
@@ -93,3 +95,21 @@ def test_options_mean_what_the_commands_mean():
     assert settings.bounds == {"theta2": (50.0, float("inf")), "alpha2": (-float("inf"), 2.0)}
     assert settings.terms == ("gravity", "motor_viscous")
     assert settings.input_delay == 0.0
+
+
+RAISED = [
+    errors.SettingError("terms", "give one"),
+    errors.RecordingError("log.csv", "line 3", "is no number: correct it"),
+    errors.SimulationError("the loop diverges", 1.5),
+    errors.ExperimentError("a.toml", "controller.k", "is missing: add it"),
+    errors.ArgumentError("identify", "knwon", "is no option: did you mean known?"),
+]
+
+
+@pytest.mark.parametrize("error", RAISED, ids=lambda error: type(error).__name__)
+def test_errors_travel_between_processes(error: errors.FlexidError) -> None:
+    """Assert that a pickled error keeps its class, text and fields."""
+    arrived = pickle.loads(pickle.dumps(error))
+    assert type(arrived) is type(error)
+    assert str(arrived) == str(error)
+    assert vars(arrived) == vars(error)

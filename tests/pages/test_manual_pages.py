@@ -52,18 +52,14 @@ def test_files_exist(page):
 FOLDERS = {path.name for place in PLACES for path in place.iterdir() if path.is_dir()}
 
 
-def test_every_fault_has_a_test():
-    """Assert that each row of the tables of faults has a test."""
+def test_tables_of_pages():
+    """Assert a test of each fault, and every threshold with its value."""
     page = (ROOT / "docs" / "reliability.md").read_text(encoding="utf-8")
     rows = [
         line for line in page.partition("## Mutation testing")[0].splitlines() if line[:1] == "|"
     ]
     assert len(rows) > 30
     assert all("`tests/" in row for row in rows if not row.startswith(("|Fault", "|---")))
-
-
-def test_thresholds_are_those_of_the_table():
-    """Assert that the page has every threshold with its value."""
     page = (ROOT / "docs" / "intervals.md").read_text(encoding="utf-8")
     shown = {}
     for row in re.findall(r"^\|((?:`\w+`(?:, )?)+)\|([\d., ]+)\|", page, re.MULTILINE):

@@ -153,13 +153,6 @@ def test_wraps_in_front_of_a_gear_are_undone(name: str) -> None:
     assert any("jumps by a turn at " in warning for warning in log.warnings)
 
 
-def test_a_counter_of_unknown_turns_is_named() -> None:
-    """Assert a warning of a position that jumps across its range, if no gear ratio is stated."""
-    encoder, entry = ENCODERS["a turn"]
-    log = geared(encoder, {**entry, "scale": "1/200"})
-    assert any("jumps by more than half of its range" in warning for warning in log.warnings)
-
-
 @pytest.mark.parametrize("displaced", [0.6, 0.7, 0.8, 1.0])
 def test_a_pause_is_no_wrap(displaced: float) -> None:
     """Assert that a motor that moved during a pause, before a gear, is read unchanged."""
@@ -173,16 +166,15 @@ def test_a_pause_is_no_wrap(displaced: float) -> None:
     np.testing.assert_allclose(read, motor, atol=1e-9)
 
 
-def test_a_link_that_is_held_is_read_with_a_stated_ratio() -> None:
-    """Assert that a motor moving 99 times as far is read if the map states a ratio of 1."""
+def test_what_encoders_do_not_show() -> None:
+    """Assert a warning without a gear ratio, the stated one of a held link, and equal turns."""
+    encoder, entry = ENCODERS["a turn"]
+    log = geared(encoder, {**entry, "scale": "1/200"})
+    assert any("jumps by more than half of its range" in warning for warning in log.warnings)
     columns = changed("velocity", link_position=0.01)
     log = read_columns(columns, {"gear_ratio": 1})
     np.testing.assert_array_equal(log.recordings[0].motor_position, columns["motor_position"])
     assert "as if by a gear" in refused(read_columns, columns)
-
-
-def test_turns_that_an_encoder_does_not_know() -> None:
-    """Assert that encoders that start on either side of zero do not differ by a turn."""
     motion, bent = 4.0 * np.sin(1.5 * SLOW), 0.02 * np.cos(4.0 * SLOW)
     columns = joint(np.mod(motion + bent, TURN), np.mod(motion - 0.01, TURN))
     (recording,) = read_columns(columns).recordings
@@ -262,13 +254,6 @@ def test_what_is_right_is_not_turned(case: str) -> None:
     assert not any("the other sign" in w or "exchange" in w for w in log.warnings)
 
 
-def test_columns_of_the_other_side_are_named() -> None:
-    """Assert the warning about a log that has the link's encoder as the motor's and vice versa."""
-    other = {"link_position": "motor_position", "motor_position": "link_position"}
-    log = read_columns({other.get(n, n): v for n, v in RIGHT["two encoders"].items()})
-    assert any("exchange both columns" in warning for warning in log.warnings)
-
-
 @pytest.mark.parametrize(
     ("case", "counted", "told"),
     [
@@ -312,18 +297,14 @@ def test_a_reversed_link_takes_its_velocity_along_if_that_is_reversed() -> None:
         np.testing.assert_allclose(found, speed, atol=1e-9)
 
 
-def test_a_recording_that_rests_says_nothing() -> None:
-    """Assert that only the recording that moves decides, even if it is the shorter one."""
+def test_signs_with_rest_and_wraps() -> None:
+    """Assert that the moving recording decides, and that turns are subtracted after the sign."""
     right = driven(*LOW)
     time = np.concatenate((CLOCK, 20.0 + 1e-3 * np.arange(12000.0)))
     rest = {n: np.concatenate((v, np.full(12000, v[-1]))) for n, v in right.items()}
     log = read_columns(rest | {"time": time, "motor_torque": -rest["motor_torque"]})
     assert len(log.recordings) == 2
     assert log.turned == ("motor_torque",)
-
-
-def test_an_encoder_that_wraps_begins_near_the_other_one() -> None:
-    """Assert that whole turns are subtracted after the sign is corrected."""
     right = driven(0.3, *LOW)
     link = right["link_position"] + 2.5
     wrapped = np.angle(np.exp(-1j * link))
@@ -334,8 +315,11 @@ def test_an_encoder_that_wraps_begins_near_the_other_one() -> None:
     assert np.abs(log.recordings[0].deflection).max() < 1.0
 
 
-def test_logs_that_show_different_signs_are_refused() -> None:
-    """Assert that a log with a reversed sign is not combined with one without."""
+def test_exchanged_sides_and_different_signs() -> None:
+    """Assert a warning of exchanged encoders, and that logs of different signs do not combine."""
+    other = {"link_position": "motor_position", "motor_position": "link_position"}
+    log = read_columns({other.get(n, n): v for n, v in RIGHT["two encoders"].items()})
+    assert any("exchange both columns" in warning for warning in log.warnings)
     turned = read_columns(driven(*LOW) | {"motor_torque": -driven(*LOW)["motor_torque"]})
     with pytest.raises(RecordingError, match="motor_torque: shows another sign"):
         check_alike([read_columns(driven(*LOW)), turned])

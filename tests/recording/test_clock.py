@@ -191,14 +191,6 @@ def test_frames_and_arrays(zone: str | None):
         assert recording.sample_time == pytest.approx(2.00001e-4, rel=1e-12)
 
 
-def test_a_log_that_is_played_again_counts_from_1970(tmp_path: Path):
-    """Assert that a replayed log has seconds since 1970, so that days follow each other."""
-    path = tmp_path / "log.parquet"
-    pl.DataFrame(CELLS).insert_column(0, pl.Series("time", MOMENTS)).write_parquet(path)
-    samples = next(iter(Replay(path, None)))
-    assert samples[:, 0] == pytest.approx([t.timestamp() for t in MOMENTS], abs=1e-6)
-
-
 def streamed(clock: Clock, *stamps: str) -> FloatArray:
     """Return the times of a part of a stream."""
     frame = pl.DataFrame({"time": stamps}, schema={"time": pl.String})
@@ -207,8 +199,12 @@ def streamed(clock: Clock, *stamps: str) -> FloatArray:
     return found
 
 
-def test_times_of_day_of_a_stream():
-    """Assert that late times of day stay in their day, and empty first cells are skipped."""
+def test_streams_count_on(tmp_path: Path):
+    """Assert seconds since 1970 of a replay, and late times of day that stay in their day."""
+    path = tmp_path / "log.parquet"
+    pl.DataFrame(CELLS).insert_column(0, pl.Series("time", MOMENTS)).write_parquet(path)
+    samples = next(iter(Replay(path, None)))
+    assert samples[:, 0] == pytest.approx([t.timestamp() for t in MOMENTS], abs=1e-6)
     found = streamed(Clock(since_1970=True), "", " ", "00:00:01.5")
     np.testing.assert_array_equal(found, [np.nan, np.nan, 1.5])
     clock = Clock(since_1970=True)

@@ -1,12 +1,14 @@
-"""Reading of usable logs: channels, units, inputs, and the grid of their times."""
+"""Reading of usable logs: channels, units, inputs, times, and an overview of unknown columns."""
 
 import hashlib
 import io
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
 from joint_log import (
     assert_equal_logs,
@@ -18,12 +20,14 @@ from joint_log import (
     without,
     written,
 )
+from log_files import hdf5
 from numpy.typing import NDArray
 
 import flexid
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.recording import Log, read_log
+from flexid.recording.series import overview
 
 CHANNELS = ("link_position", "motor_position", "link_velocity", "motor_velocity")
 
@@ -210,3 +214,36 @@ SAID: dict[str, dict[str, FloatArray]] = {
 def test_what_is_said_of_channels(golden: Any) -> None:
     """Assert the channels that are read, the warnings, and that uneven times are refused."""
     golden({name: said(read_columns, columns) for name, columns in SAID.items()})
+
+
+def thirty_rows(cells: str) -> str:
+    """Return thirty rows, each with its number."""
+    return "".join(f"{k},{cells.format(k=k)}\n" for k in range(30))
+
+
+def parquet(folder: Path) -> Path:
+    """Write a table with an empty cell."""
+    table = pl.DataFrame({"time": [0.0, 0.1], "motor_position": [None, 1 / 3]})
+    table.write_parquet(folder / "a.parquet")
+    return folder / "a.parquet"
+
+
+SIGNALS = {f"run/{name}": [0.0, 0.1, 0.2] for name in ("time", "motor_position")}
+FILES: dict[str, Callable[[Path], Path]] = {
+    "names": lambda p: written(p, f"time [ms],q_motor_deg,tau,other\n{thirty_rows('{k}.50,1,x')}"),
+    "names that say little": lambda p: written(p, f"t,enc1,tau\n{thirty_rows('{k},{k}')}"),
+    "a table": parquet,
+    "long cells": lambda p: written(p, f"time,text\n0,{'x' * 5000}\n1,y\n"),
+    "signals": lambda p: hdf5(p / "a.h5", SIGNALS),
+}
+
+
+def test_what_files_hold(tmp_path: Path, golden: Any) -> None:
+    """Assert columns, units, first values, types and channels, or the reason for none."""
+    found = {}
+    for name, write in FILES.items():
+        one = overview(write(tmp_path))
+        columns = [f"{c.header!r} in {c.unit!r} {c.kind} {c.cells}" for c in one.columns]
+        unclear = one.unclear.partition(";")[0]
+        found[name] = f"{one.rows} rows; {'; '.join(columns)}; {one.channels}; {unclear}"
+    golden(found)

@@ -111,16 +111,12 @@ def test_white_noise_is_estimated(sigma: float, seed: int) -> None:
     assert position_noise(noisy) == pytest.approx(sigma, rel=0.15)
 
 
-def test_noise_of_an_encoder_is_that_of_its_step() -> None:
-    """Assert a noise of LSB / sqrt(12) within 10 %, in motion and mostly at rest."""
+def test_steps_and_short_motions() -> None:
+    """Assert a noise of LSB / sqrt(12) within 10 %, and that no smooth stretch counts as noise."""
     assert position_noise(quantised(14)) == pytest.approx(2 * pi / 2**14 / sqrt(12), rel=0.1)
     resting = np.zeros(2000)
     resting[1500:] = 0.01 * np.round(np.linspace(0.0, 30.0, 500))
     assert position_noise(resting) == pytest.approx(0.01 / sqrt(12), rel=0.1)
-
-
-def test_a_short_motion_is_no_noise() -> None:
-    """Assert that no smooth stretch counts as noise, however short, and that noise does."""
     noise = np.random.default_rng(1).standard_normal(300)
     for count in range(20, 300):
         assert not is_noise(POSITION[: 17 * count : 17])
@@ -165,15 +161,6 @@ def test_short_positions(count: int) -> None:
     np.testing.assert_allclose(velocity(line, 0.01), 3.0, atol=1e-9)
 
 
-def test_measured_velocities_are_kept() -> None:
-    """Assert that a measured velocity is the same array, and a missing one is derived."""
-    recording = Recording(1e-3, 0.0, POSITION, POSITION, POSITION, "N m", motor_velocity=DERIVATIVE)
-    complete = with_velocities(recording)
-    assert complete.motor_velocity is DERIVATIVE
-    assert complete.link_velocity is not None
-    np.testing.assert_allclose(complete.link_velocity, DERIVATIVE, atol=1e-8)
-
-
 @pytest.mark.parametrize("half", [3, 20, 100])
 def test_differentiates_as_savitzky_and_golay(half: int) -> None:
     """Assert that with a given window the derivative equals SciPy's filter, ends included."""
@@ -216,8 +203,13 @@ def test_a_faint_motion_is_taken_whole() -> None:
     assert while_moving([slow + 0.03 * noise]) == slice(0, 5000)
 
 
-def test_an_integral_is_of_second_order() -> None:
-    """Assert second-order convergence with uneven steps."""
+def test_derivatives_and_integrals() -> None:
+    """Assert that only missing velocities are derived, and second order of an integral."""
+    recording = Recording(1e-3, 0.0, POSITION, POSITION, POSITION, "N m", motor_velocity=DERIVATIVE)
+    complete = with_velocities(recording)
+    assert complete.motor_velocity is DERIVATIVE
+    assert complete.link_velocity is not None
+    np.testing.assert_allclose(complete.link_velocity, DERIVATIVE, atol=1e-8)
     errors = []
     for count in (200, 400, 800):
         even = np.linspace(0.0, 6.0, count + 1)

@@ -101,12 +101,6 @@ def test_sensors_and_limits_are_as_asked() -> None:
     assert not np.array_equal(run.states, other.states)
 
 
-def test_divergence_is_reported() -> None:
-    """Assert that the paper's high-gain law, sampled at 1 kHz, is reported to diverge."""
-    with pytest.raises(SimulationError, match="diverges: lower its gains or its sample time"):
-        simulate_sampled(TABLE_1, 30.0)
-
-
 NEGATIVE: dict[str, Any] = dict.fromkeys(
     ["sample_time", "relative_tolerance", "absolute_tolerance"], -1.0
 )
@@ -287,8 +281,10 @@ def test_what_cannot_go_on_is_a_status(
     assert np.isnan(ensemble.excitation).all() == (status == "not finite")
 
 
-def test_sampled_divergence_is_a_status() -> None:
-    """Assert the status of sampled loops that diverge, or that are too stiff."""
+def test_sampled_loops_that_diverge() -> None:
+    """Assert an error of the paper's law at 1 kHz, and a status of each loop of an ensemble."""
+    with pytest.raises(SimulationError, match="diverges: lower its gains or its sample time"):
+        simulate_sampled(TABLE_1, 30.0)
     stiff = replace(LOOP, coefficients={**LOOP.coefficients, "alpha2": 1e7})
     ensemble = simulate_sampled_ensemble([LOOP, diverging(), stiff], 5.0, [Sampling()] * 3)
     assert [STATUS[status] for status in ensemble.status] == [

@@ -58,8 +58,8 @@ def test_two_samples_as_scipy_tests_them():
     assert found.percent_interval == pytest.approx((scale * ends.low, scale * ends.high))
 
 
-def test_a_ratio_has_its_interval_on_the_logarithm():
-    """Assert the interval of a ratio on the logarithm; the reverse comparison is reciprocal."""
+def test_ratios_and_what_has_none():
+    """Assert ratios on the logarithm; angles and possible zeros are compared in their unit."""
     a = number(2.0, 0.1, name="motor_inertia", logarithmic=True)
     b = number(2.4, 0.3, name="motor_inertia", logarithmic=True)
     found, back = compared(a, b), compared(b, a)
@@ -71,10 +71,6 @@ def test_a_ratio_has_its_interval_on_the_logarithm():
     turned = [100.0 * (1.0 / (1.0 + end / 100.0) - 1.0) for end in found.percent_interval[::-1]]
     assert back.percent_interval == pytest.approx(turned)
     assert back.probability == pytest.approx(found.probability)
-
-
-def test_no_percentage_is_made_of_angles_and_of_what_may_be_zero():
-    """Assert that angles, and values that may be zero, are compared in their unit."""
     found = compared(*(number(x, 0.01, name="gravity_angle", unit="rad") for x in (3.1, -3.1)))
     assert found.value == pytest.approx(2.0 * np.pi - 6.2)
     assert np.isnan(found.percent)

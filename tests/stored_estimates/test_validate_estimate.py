@@ -146,15 +146,11 @@ def test_a_rigid_joint():
         validate_estimate(stored(), [log])
 
 
-def test_an_undetermined_value_is_said(log):
-    """Assert that a prediction with an undetermined value names it."""
+def test_what_does_not_suit_an_estimate(log, tmp_path):
+    """Assert a warning of an undetermined value; other inputs and short logs are refused."""
     document = stored(keys="coefficients.alpha2.verdict", value="undetermined")
     (warning,) = validate_estimate(document, [log]).warnings
     assert "alpha2" in warning
-
-
-def test_another_input_is_refused(tmp_path, log):
-    """Assert that a log of a voltage, or too short for the initial state, is refused."""
     document = stored(keys="coefficients.beta1.unit", value="rad/s^2/(N m)")
     assert validate_estimate(document, [log]).fit_percent["link_position"] > 99
     other = write_flexible(tmp_path / "volts.csv", column="motor_voltage [V]")

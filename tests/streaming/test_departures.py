@@ -24,17 +24,6 @@ def against(**other: float) -> WatchOptions:
     return replace(OPTIONS, reference=reference)
 
 
-def test_a_drive_that_has_departed_is_said_to():
-    """Assert that the health names the parameter with the largest difference, and its size."""
-    session = watched(stream(), against(joint_stiffness=125.0, motor_inertia=0.26))
-    assert [d.name for d in session.departures] == ["joint_stiffness", "motor_inertia"]
-    assert session.departures[0].change == pytest.approx(-0.2, abs=0.005)
-    health, reason = session.health
-    assert health is Health.INCONSISTENT
-    assert reason.startswith("joint_stiffness is ")
-    assert reason.endswith("N m/rad (-20 %), and 125 in the estimate")
-
-
 def estimated(value: float, half: float) -> dict[str, ValueEstimate]:
     """Return a parameter with its interval."""
     ends = (value - half, value + half)
@@ -132,8 +121,15 @@ def test_what_is_known_narrows_or_is_contradicted():
     assert "link_inertia is known as 2" in reason
 
 
-def test_no_change_is_a_share_of_what_may_be_zero():
-    """Assert that a difference is given in units if the interval contains zero."""
+def test_a_drive_that_has_departed_is_said_to():
+    """Assert the largest difference by name, in per cent, or in units if zero is possible."""
+    session = watched(stream(), against(joint_stiffness=125.0, motor_inertia=0.26))
+    assert [d.name for d in session.departures] == ["joint_stiffness", "motor_inertia"]
+    assert session.departures[0].change == pytest.approx(-0.2, abs=0.005)
+    health, reason = session.health
+    assert health is Health.INCONSISTENT
+    assert reason.startswith("joint_stiffness is ")
+    assert reason.endswith("N m/rad (-20 %), and 125 in the estimate")
     reference = {"joint_stiffness": (100.0, 0.1), "gravity_torque": (0.5, 0.6)}
     text = as_text(parts(watched(stream(), replace(OPTIONS, reference=reference))))
     assert re.search(r"joint_stiffness .* [+-]\d\.\d %\n", text)

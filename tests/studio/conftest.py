@@ -2,8 +2,8 @@
 
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 
@@ -21,11 +21,8 @@ def short_log(examples: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-Start = Callable[..., AbstractContextManager[str]]
-
-
 @pytest.fixture
-def start() -> Start:
+def start():
     """Return a context manager that runs a studio and yields its address."""
     return started
 

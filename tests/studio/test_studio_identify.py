@@ -2,16 +2,12 @@
 
 import json
 import re
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from pathlib import Path
 from urllib.request import Request, urlopen
 
 import pytest
 
 from browser import Watched, serious_faults
-
-Start = Callable[..., AbstractContextManager[str]]
 
 
 def tab_to(page, selector: str) -> None:
@@ -136,9 +132,7 @@ def test_nothing_else_is_readable(empty_address: str, path: str):
 
 
 @pytest.mark.thorough
-def test_a_log_is_named_from_where_the_studio_was_started(
-    page, start: Start, short_log: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_log_is_named_from_where_the_studio_was_started(page, start, short_log, monkeypatch):
     """Assert that a relative path leads to the log, also in later windows."""
     monkeypatch.chdir(short_log.parent.parent)
     with start(short_log.relative_to(Path.cwd())) as address:

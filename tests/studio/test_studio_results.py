@@ -20,7 +20,6 @@ class Here(Workers):
     def __init__(self) -> None:
         super().__init__(0)
         self.runs = 0
-        self.checks = 0
         self.hold: asyncio.Event | None = None
         self.exported: list[float] = []
 
@@ -33,7 +32,6 @@ class Here(Workers):
             self.exported.append(sample_time)
             (Path(into) / f"{target}.zip").write_text((Path(into) / jobs.ESTIMATE).read_text())
             return f"{target}.zip", ("alpha2 <is> undetermined",)
-        self.checks += job is jobs.check
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(folder)
             return job(*arguments)
