@@ -181,16 +181,12 @@ def whole(experiment, tmp_path_factory):
     return rows
 
 
-def test_threads_of_a_new_process_load_the_kernel_once(experiment, whole, tmp_path):
-    """Assert that four threads of a new process, without loaded kernels, give the same rows."""
+def test_processes_that_are_new_or_killed(experiment, whole, tmp_path):
+    """Assert equal rows of four threads without kernels, and of a run after kill -9."""
     code = "from flexid.cli.main import main; main()"
     command = [sys.executable, "-c", code, "campaign", experiment.path, "--out", str(tmp_path)]
     subprocess.run([*command, "--workers", "4"], check=True, timeout=300)
     assert same_bits(rows_of(tmp_path), whole)
-
-
-def test_kill_9_loses_the_part_at_hand_alone(experiment, whole, tmp_path):
-    """Assert that a campaign killed while it writes its third part continues after the second."""
     out = tmp_path / "out"
     killed = subprocess.run([sys.executable, "-c", KILLED, experiment.path, str(out)], timeout=300)
     assert killed.returncode == -signal.SIGKILL

@@ -255,9 +255,7 @@ AWKWARD = ParametricSystem(
 
 
 @pytest.mark.parametrize("system", [*ALL.values(), AWKWARD], ids=[*ALL, "awkward names"])
-def test_printed_functions_have_the_symbolic_values(
-    system: ParametricSystem, compile_c: Callable[[str], ctypes.CDLL]
-):
+def test_printed_functions_have_the_symbolic_values(system: ParametricSystem, compile_c: Any):
     """Assert that printed Python and C compute (2) and (3), for any names, without warnings."""
     observer = derive_observer(system)
     values, estimates, rates = symbolic_values(observer)

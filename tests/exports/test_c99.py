@@ -211,16 +211,12 @@ def test_names_that_are_taken_are_renamed(tmp_path):
     assert all(f"{name.lower()}_ = " in printed for name in taken)
 
 
-def test_a_row_that_is_too_long():
-    """Assert that a row with more coefficients than bits of its mask is refused."""
+def test_odd_models():
+    """Assert at most as many coefficients as bits of a mask, and names that end no comment."""
     rows = [{f"c{i}": f"sin({i + 1}*q)" for i in range(count)} for count in (31, 32)]
     assert "row[0].unknown[30]" in DriveSource(ExportRequest(arm(rows[0])), SETTINGS).source()
     with pytest.raises(SettingError, match="arm: has 32 coefficients"):
         DriveSource(ExportRequest(arm(rows[1])), SETTINGS)
-
-
-def test_no_text_of_a_model_ends_a_comment():
-    """Assert that names in comments stay on one line and do not end them, in FMUs too."""
     model = arm({"gravity": "-sin(q)"}, "arm *\\\n/ int evil; /*")
     drive = DriveSource(ExportRequest(model), SETTINGS)
     unit = plant_of(ExportRequest(model, {"gravity": 1.0}))

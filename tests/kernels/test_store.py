@@ -72,9 +72,7 @@ def test_second_process_needs_no_computer_algebra(tmp_path: Path) -> None:
     assert not list(tmp_path.glob("*.tmp"))
 
 
-def test_built_once_in_the_folder_that_is_named(
-    cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_built_once_in_the_folder_that_is_named(cache: Path, monkeypatch: Any) -> None:
     """Assert that a kernel is built once, in the folder that the environment names at the call."""
     built = []
 
@@ -131,9 +129,7 @@ def test_changed_generator_derives_anew_but_compiles_only_what_differs(
     assert len(list(cache.glob("*.py"))) == 2
 
 
-def test_what_cannot_be_saved_is_compiled_all_the_same(
-    cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_saved_is_compiled_all_the_same(cache: Path, monkeypatch: Any) -> None:
     """Assert that a full disk does not prevent compilation."""
 
     def full(*_: object) -> None:
@@ -289,9 +285,7 @@ def generated(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     return found
 
 
-def test_shipped_sources_are_those_that_are_generated(
-    generated: dict[str, str], request: pytest.FixtureRequest
-) -> None:
+def test_shipped_sources_are_those_that_are_generated(generated: dict[str, str], request: Any):
     """Assert that shipped files equal the generated ones; --update-golden writes them."""
     if request.config.getoption("--update-golden"):
         FOLDER.mkdir(exist_ok=True)

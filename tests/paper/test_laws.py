@@ -94,7 +94,7 @@ def test_values_do_not_change_the_digest() -> None:
 
 
 def test_feedforward_moves_the_nominal_joint_along_the_reference() -> None:
-    """Assert u_N = Jr w2N' + mu w2N + ke (w1N - qd), which solves eq. (4), Jr before the bracket."""
+    """Assert u_N = Jr w2N' + mu w2N + ke (w1N - qd), solving eq. (4), Jr before the bracket."""
     time = sp.Symbol("t")
     gravity, link, motor, friction, stiffness = sp.symbols("mgl Jl Jr mu ke", positive=True)
     q = sp.Function("q")(time)

@@ -133,9 +133,7 @@ def test_bad_files(tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch)
     golden({n: said(read_log, written(Path(), raw, name=p)) for n, (p, raw) in files.items()})
 
 
-def test_paths_that_lead_to_no_file(
-    tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_paths_that_lead_to_no_file(tmp_path: Path, golden: Any, monkeypatch: Any) -> None:
     """Assert that broken links, pipes, folders and impossible names are refused as such."""
     monkeypatch.chdir(tmp_path)
     for name, other in {"dead.csv": "none.csv", "a.csv": "b.csv", "b.csv": "a.csv"}.items():
@@ -154,9 +152,7 @@ def test_huge_file(tmp_path: Path) -> None:
     assert_words("larger than 500 MB, the most that is read.*cut the log", refused(read_log, path))
 
 
-def test_tables_of_more_than_memory_holds(
-    tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_tables_of_more_than_memory_holds(tmp_path: Path, golden: Any, monkeypatch: Any) -> None:
     """Assert that too many columns, cells or rows are refused before they are unpacked."""
     monkeypatch.chdir(tmp_path)
     more = {f"c{k}": np.zeros(50) for k in range(10_000)}

@@ -77,13 +77,6 @@ def rows(kept: NDArray[Any]) -> dict[str, FloatArray]:
     return {name: values[kept] for name, values in joint_columns().items()}
 
 
-def test_a_gap_gives_two_recordings() -> None:
-    """Assert that both sides of a gap are read as if from two files."""
-    log = read_columns(rows(np.r_[0:150, 190:400]))
-    parts = [read_columns(rows(np.r_[a:b])).recordings[0] for a, b in ((0, 150), (190, 400))]
-    assert_equal_logs(log, Log(tuple(parts), (), "", ""))
-
-
 def jittered(share: float, count: int = 2000) -> dict[str, FloatArray]:
     """Return a motion with sampling jitter of up to `share` of a step."""
     offset = share * 0.005 * np.random.default_rng(7).uniform(-1.0, 1.0, count)
@@ -91,15 +84,6 @@ def jittered(share: float, count: int = 2000) -> dict[str, FloatArray]:
     motor = np.sin(2.0 * time)
     link = {"link_position": motor + 0.05 * np.sin(9.0 * time), "motor_position": motor}
     return {"time": time, **link, "motor_torque": np.cos(3.0 * time)}
-
-
-def test_rounded_time_is_even() -> None:
-    """Assert that a time with few digits changes no sample and gives no warning."""
-    columns = jittered(0.0005)
-    log = read_columns(columns)
-    assert log.warnings == ()
-    np.testing.assert_array_equal(log.recordings[0].link_position, columns["link_position"])
-    assert log.recordings[0].sample_time == pytest.approx(0.005, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -137,8 +121,11 @@ def test_late_stamps_of_even_samples_move_none(kind: str, steps: float) -> None:
     assert_words("the positions are smoother at even times, so these were taken", log.warnings[0])
 
 
-def test_samples_lost_at_random_are_interpolated() -> None:
-    """Assert that a log without a quarter of its samples is complete but for the longest gaps."""
+def test_gaps_and_losses() -> None:
+    """Assert both sides of a gap as from two files, and a log without a quarter of its samples."""
+    log = read_columns(rows(np.r_[0:150, 190:400]))
+    parts = [read_columns(rows(np.r_[a:b])).recordings[0] for a, b in ((0, 150), (190, 400))]
+    assert_equal_logs(log, Log(tuple(parts), (), "", ""))
     kept = np.sort(np.random.default_rng(9).choice(2000, 1500, replace=False))
     columns = {name: values[kept] for name, values in jittered(0.0).items()}
     log = read_columns(columns)
@@ -148,8 +135,13 @@ def test_samples_lost_at_random_are_interpolated() -> None:
         assert np.abs(recording.needed_link_position - exact).max() < 2e-6
 
 
-def test_a_switched_input_does_not_overshoot() -> None:
-    """Assert that interpolation keeps a two-level input within its levels, even tiny ones."""
+def test_what_interpolation_leaves_alone() -> None:
+    """Assert unchanged samples for a time with few digits, and a switched input in its levels."""
+    columns = jittered(0.0005)
+    log = read_columns(columns)
+    assert log.warnings == ()
+    np.testing.assert_array_equal(log.recordings[0].link_position, columns["link_position"])
+    assert log.recordings[0].sample_time == pytest.approx(0.005, rel=1e-6)
     columns = jittered(0.08)
     columns["motor_torque"] = np.sign(columns["motor_torque"])
     assert np.abs(read_columns(columns).recordings[0].needed_input).max() <= 1.0

@@ -269,9 +269,7 @@ def test_a_fast_transient_is_weighted_by_its_time() -> None:
         (np.inf, "not finite", 0),
     ],
 )
-def test_what_cannot_go_on_is_a_status(
-    position: float, status: str, steps: int, stiff: bool
-) -> None:
+def test_what_cannot_go_on_is_a_status(position: float, status: str, steps: int, stiff: bool):
     """Assert the status of runs that diverge, need too many steps, or are not finite."""
     loop = replace(LOOP, initial_state=(0.0, 0.0, position, 0.0), initial_estimates={})
     most = 50 if status == "too many steps" else 10_000

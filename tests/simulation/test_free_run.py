@@ -52,17 +52,13 @@ def test_convergence_is_of_fourth_order():
     np.testing.assert_allclose(slopes, -4, atol=0.25)
 
 
-def test_dry_friction_is_refused():
-    """Assert that dry friction is refused unless its coefficient is zero."""
+def test_what_no_free_run_has():
+    """Assert refusals of dry friction, absurd poles and divergence; a fast pole is integrated."""
     for start in (0.0, 1.0):
         with pytest.raises(SimulationError, match=r"row 1 jumps .* tanh\(v/0\.01\)"):
             moved([0.0, start], np.ones(20), 1e-2, drag=1.0, coulomb=0.5, lossy=0.5)
     x = moved([0.0, 1.0], np.ones(2000), 1e-2, drag=1.0, lossy=0.5)
     assert x[-1, 1] == pytest.approx(2.0 / 3.0, rel=1e-6)  # v + v/2 = 1
-
-
-def test_fast_and_unstable_poles():
-    """Assert a pole beyond the sampling, and refusals of absurd ones and of divergence in time."""
     x = moved([0.0, 1.0], np.ones(200), 1e-2, drag=5000.0)
     assert x[-1, 1] == pytest.approx(1 / 5000.0, rel=1e-6)
     with pytest.raises(SimulationError, match="too fast"):

@@ -111,9 +111,7 @@ def test_other_kinds_are_refused(name: str):
 
 
 @pytest.mark.parametrize(("parts", "status"), [((b"12345", b"678901"), 413), ((), 400)])
-def test_size_is_bounded(
-    parts: tuple[bytes, ...], status: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_size_is_bounded(parts: tuple[bytes, ...], status: int, tmp_path: Path, monkeypatch: Any):
     """Assert that oversized and empty uploads are refused, and the log in use is kept."""
     monkeypatch.setattr(guard, "LARGEST_UPLOAD", 10)
     before = asyncio.run(save(chunks(b"time", b",q\n"), "a.csv", tmp_path))
