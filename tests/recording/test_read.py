@@ -86,21 +86,6 @@ def jittered(share: float, count: int = 2000) -> dict[str, FloatArray]:
     return {"time": time, **link, "motor_torque": np.cos(3.0 * time)}
 
 
-@pytest.mark.parametrize(
-    ("share", "varies", "error"), [(0.08, "15 %", 1e-7), (0.22, "42 %", 2e-7), (0.45, "87 %", 1e-6)]
-)
-def test_jitter_is_interpolated(share: float, varies: str, error: float) -> None:
-    """Assert the interpolation error in rad; without interpolation it would exceed 5e-4 rad."""
-    columns = jittered(share)
-    log = read_columns(columns)
-    words = f"'time': .* vary by {varies} of .* 5.* ms, so .*interpolated to even times: record at"
-    assert_words(words, log.warnings[0])
-    (recording,) = log.recordings
-    exact = np.sin(2.0 * recording.time) + 0.05 * np.sin(9.0 * recording.time)
-    assert np.abs(recording.needed_link_position - exact).max() < error
-    assert np.abs(columns["link_position"][: len(exact)] - exact).max() > 5e-4
-
-
 def late_stamps(kind: str, steps: float) -> FloatArray:
     """Return 2000 even times with delayed stamps; the delays are in steps."""
     rng = np.random.default_rng(8)

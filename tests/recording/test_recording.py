@@ -6,12 +6,12 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 from joint_log import assert_words, joint_columns, read_columns, refused, without
-from scipy.signal import lfilter, savgol_filter
+from scipy.signal import lfilter
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.estimators.samples import samples_of_recording
-from flexid.recording import Log, Recording, position_noise, velocities, with_velocities
+from flexid.recording import Log, Recording, position_noise, with_velocities
 from flexid.recording.velocities import integral, is_noise, velocity, while_moving
 
 MOTION = without(joint_columns(), "torque")
@@ -134,20 +134,6 @@ def test_a_resonance_of_few_samples_a_period_is_no_noise(samples: float, count: 
     assert not is_noise(swinging)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, 3])
-@pytest.mark.parametrize(
-    ("count", "sample_time", "sigma", "bound"),
-    [(30_000, 1e-3, 1e-4, 1.0e-3), (2000, 1e-2, 1e-4, 2.0e-3), (500, 1e-2, 1e-3, 2.0e-2)],
-)
-def test_derivative_of_a_noisy_motion(
-    count: int, sample_time: float, sigma: float, bound: float, seed: int
-) -> None:
-    """Assert that the RMS error of the velocity stays below a bound; the RMS is 3.4 rad/s."""
-    position, derivative = multisine(count, sample_time)
-    noisy = position + sigma * np.random.default_rng(seed).standard_normal(count)
-    assert rms(velocity(noisy, sample_time) - derivative) < bound
-
-
 @pytest.mark.parametrize(("bits", "bound"), [(12, 4e-3), (14, 1.5e-3), (20, 5e-5), (52, 1e-9)])
 def test_derivative_of_an_encoder(bits: int, bound: float) -> None:
     """Assert that the error due to an encoder's steps stays below a bound."""
@@ -159,15 +145,6 @@ def test_short_positions(count: int) -> None:
     """Assert that a straight line of any length has its slope as velocity."""
     line = 3.0 * 0.01 * np.arange(count, dtype=np.float64)
     np.testing.assert_allclose(velocity(line, 0.01), 3.0, atol=1e-9)
-
-
-@pytest.mark.parametrize("half", [3, 20, 100])
-def test_differentiates_as_savitzky_and_golay(half: int) -> None:
-    """Assert that with a given window the derivative equals SciPy's filter, ends included."""
-    position = np.random.default_rng(half).standard_normal(400).cumsum()
-    window, degree = 2 * half + 1, velocities.DEGREE
-    expected = np.asarray(savgol_filter(position, window, degree, deriv=1, delta=0.01))
-    np.testing.assert_allclose(velocity(position, 0.01, half), expected, rtol=3e-6, atol=3e-6)
 
 
 REST = np.zeros(3000)
