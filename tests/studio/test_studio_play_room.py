@@ -60,17 +60,6 @@ def test_the_readings_differ_as_the_reproduction_says():
     assert found.figure.count("<svg") == 1
 
 
-def test_a_sampled_drive_is_played():
-    """Assert that noise and sampling follow the sliders, with the same figures."""
-    slow = {"k": "5", "sampled": "yes", "sample_time": "0.001", "amplitude": "1", "frequency": "1"}
-    quiet = play(read_play({**slow, "noise": "1e-7"}), None)
-    noisy = play(read_play({**slow, "noise": "0.01"}), None)
-    assert quiet.problems == noisy.problems == ()
-    first, second = numbers(quiet.rows, 1), numbers(noisy.rows, 1)
-    assert np.isfinite([*first.values(), *second.values()]).all()
-    assert second["tracking error"] > first["tracking error"]
-
-
 def test_runs_that_stop_early_are_said(monkeypatch: pytest.MonkeyPatch):
     """Assert that a loop which is too stiff, or diverges, is reported, with the pinned run."""
     place = {"joint_stiffness": "356.284", "link_inertia": "0.479886", "motor_inertia": "1.90409"}
@@ -102,8 +91,15 @@ def test_the_tolerance_suffices_for_what_is_shown():
         assert rows[f"error of {SYMBOLS[name]}"] == pytest.approx(value, rel=0.06, abs=1e-6)
 
 
-def test_where_the_true_value_is_zero_the_error_has_its_unit():
-    """Assert that errors of a zero value have its unit, and no curve in per cent."""
+def test_sampled_drives_and_zero_values():
+    """Assert figures that follow noise and sampling, and errors of zero values in their unit."""
+    slow = {"k": "5", "sampled": "yes", "sample_time": "0.001", "amplitude": "1", "frequency": "1"}
+    quiet = play(read_play({**slow, "noise": "1e-7"}), None)
+    noisy = play(read_play({**slow, "noise": "0.01"}), None)
+    assert quiet.problems == noisy.problems == ()
+    first, second = numbers(quiet.rows, 1), numbers(noisy.rows, 1)
+    assert np.isfinite([*first.values(), *second.values()]).all()
+    assert second["tracking error"] > first["tracking error"]
     found = play(read_play({"gravity_torque": "0", "motor_viscous_friction": "0"}), None)
     rows = {label: run for label, run, _ in found.rows}
     shares = {label: text.endswith(" %") for label, text in rows.items() if "error of" in label}

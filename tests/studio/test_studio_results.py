@@ -149,18 +149,14 @@ async def test_other_columns_do_not_change_what_was_found(studio: Opened):
     assert "<li>alpha2 &lt;is&gt; undetermined</li>" in studio.shown("export-state")
 
 
-async def test_a_log_that_is_sent_replaces_another(studio: Opened):
-    """Assert that a new upload replaces the earlier log and its results."""
+async def test_logs_replace_each_other(studio: Opened, short_log: Path):
+    """Assert that an upload replaces another, and not the log of the command line."""
     first = await studio.identify("a.csv")
     second = studio.upload("b.csv")
     await studio.idle()
     assert not first.exists()
     assert [*studio.window.folder.iterdir()] == [second]
     assert studio.window.files == {}
-
-
-async def test_the_log_of_the_command_line_is_kept(studio: Opened, short_log: Path):
-    """Assert that this log hides no message of a bad address, and outlives an upload."""
     studio.window.offer = Offer(short_log, *[studio.workers] * 3)
     await studio.room.open({"model": "nonsense"})
     await studio.idle()
