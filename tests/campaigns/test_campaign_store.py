@@ -47,15 +47,10 @@ def missing(directory, manifest=MANIFEST):
         return store.missing()
 
 
-def cut(path, size):
-    """Truncate a file."""
-    path.write_bytes(path.read_bytes()[:size])
-
-
 @pytest.mark.parametrize(
     "damage",
     [
-        *(lambda path, size=size: cut(path, size) for size in (0, 3, 200, -1)),
+        *(lambda path, n=n: path.write_bytes(path.read_bytes()[:n]) for n in (0, 3, 200, -1)),
         lambda path: path.rename(path.with_name(f".{path.name}.tmp")),  # as left by kill -9
         lambda path: path.write_bytes(path.with_name("part-000000.parquet").read_bytes()),
         lambda path: pl.DataFrame({"a": [1]}).write_parquet(path),

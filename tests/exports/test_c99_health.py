@@ -17,12 +17,6 @@ H = 1e-3
 TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 333.0, "alpha2": 0.33, "beta1": 3.3}
 CONVERGING, CONVERGED, NOT_EXCITED, INCONSISTENT, SENSOR_FAULT = range(5)
 
-SHIM = """
-#include "flexid_drive.h"
-unsigned size_of_state(void);
-unsigned size_of_state(void) { return (unsigned)sizeof(flexid_state); }
-"""
-
 
 class Drive:
     """An estimation in C with samples from Python."""
@@ -33,7 +27,7 @@ class Drive:
         self._c.flexid_checksum.restype = ctypes.c_uint32
         self._c.flexid_restore.restype = ctypes.c_bool
         self._c.flexid_restore.argtypes = [ctypes.c_void_p, ctypes.c_uint32]
-        self.state = ctypes.create_string_buffer(self._c.size_of_state())
+        self.state = ctypes.create_string_buffer(1 << 16)  # larger than a state
         self._c.flexid_init(self.state)
 
     def feed(self, samples: np.ndarray) -> list[int]:
@@ -64,10 +58,8 @@ class Drive:
 def built(folder: Path, *options: str, **settings: Any) -> Path:
     """Build an exported estimator as a library."""
     flexid.export("flexible-joint", to="c99", out=folder, sample_time=H, **settings)
-    (folder / "shim.c").write_text(SHIM)
-    sources = (folder / "flexid_drive.c", folder / "shim.c")
-    library = folder / "drive.so"
-    run(tool("gcc"), *STRICT, "-O2", *options, "-fPIC", "-shared", *sources, "-lm", "-o", library)
+    source, library = folder / "flexid_drive.c", folder / "drive.so"
+    run(tool("gcc"), *STRICT, "-O2", *options, "-fPIC", "-shared", source, "-lm", "-o", library)
     return library
 
 
