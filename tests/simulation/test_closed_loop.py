@@ -51,7 +51,7 @@ def test_unstable_readings_say_so(exponents: tuple[int, int, int]) -> None:
 
 
 REAL = Sampling(
-    input_limit=30.0, position_resolution=1e-4, position_noise=1e-5, velocity_noise=1e-2, seed=7
+    input_limit=100.0, position_resolution=1e-4, position_noise=1e-5, velocity_noise=1e-2, seed=7
 )
 
 
@@ -64,10 +64,9 @@ def test_orders_of_convergence() -> None:
         sampled = simulate_sampled(LOOP, 4.0, Sampling(sample_time))
         errors.append(np.max(np.abs(sampled.states - exact.states)))
     assert 0.9 < np.polyfit(np.log(times), np.log(errors), 1)[0] < 1.1
-    law = pd_gravity(proportional=0.0, derivative=0.0)
     loop = replace(
         LOOP,
-        controller=law,
+        controller=pd_gravity(proportional=0.0, derivative=0.0),
         reference=sinusoid(0.0, 5.0, offset=1.0),
         initial_state=(0.5, 0.0, 0.7, 0.0),
     )
@@ -83,8 +82,8 @@ def test_orders_of_convergence() -> None:
 def test_sensors_and_limits_are_as_asked() -> None:
     """Assert limited inputs, whole steps of encoders, and noise by deviation and seed."""
     run = simulate_sampled(LOOP, 2.0, REAL)
-    assert np.max(np.abs(run.inputs)) == 30.0
-    assert run.statistics["limited_samples"] == np.count_nonzero(np.abs(run.inputs) == 30.0) > 0
+    assert np.max(np.abs(run.inputs)) == 100.0
+    assert run.statistics["limited_samples"] == np.count_nonzero(np.abs(run.inputs) == 100.0) > 0
     run = simulate_sampled(LOOP, 2.0, Sampling(position_resolution=1e-3))
     assert run.measured is not None
     positions = run.measured[:, ::2]
@@ -139,9 +138,6 @@ def test_plant_moves_as_in_a_free_run() -> None:
 
 
 MANY = 35  # more runs than are integrated together, and no multiple of that
-NOISY = Sampling(
-    input_limit=100.0, position_resolution=1e-4, position_noise=1e-5, velocity_noise=1e-2, seed=7
-)
 
 
 def varied(loop: ClosedLoop, count: int) -> list[ClosedLoop]:
@@ -186,7 +182,7 @@ def test_ends_are_those_of_single_runs(sampled: bool) -> None:
     """Assert that the end of every run, sampled or not, has the bits of the single run."""
     loops = varied(LOOP, 3)
     if sampled:
-        samplings = [NOISY, replace(NOISY, seed=8, sample_time=2e-3), Sampling()]
+        samplings = [REAL, replace(REAL, seed=8, sample_time=2e-3), Sampling()]
         ensemble = simulate_sampled_ensemble(loops, 3.0, samplings)
         runs = [simulate_sampled(*own) for own in zip(loops, [3.0] * 3, samplings, strict=True)]
     else:
@@ -231,8 +227,8 @@ def test_measures_are_those_of_a_fine_run(stiff: bool) -> None:
 
 def test_sampled_measures_are_those_of_the_samples() -> None:
     """Assert that the measures of a sampled run are computed from its samples."""
-    ensemble = simulate_sampled_ensemble([LOOP], 20.0, [NOISY])
-    run = simulate_sampled(LOOP, 20.0, NOISY)
+    ensemble = simulate_sampled_ensemble([LOOP], 20.0, [REAL])
+    run = simulate_sampled(LOOP, 20.0, REAL)
     assert_measured_alike(ensemble, 0, run, sums=1e-12, conditions=1e-9, times=1e-12)
 
 
