@@ -13,14 +13,7 @@ from scipy.optimize import brentq
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
-from flexid.experiment_design.design import (
-    Design,
-    design,
-    deviation,
-    predict,
-    smooth_cost,
-    waveform,
-)
+from flexid.experiment_design.design import design, deviation, predict, smooth_cost, waveform
 from flexid.experiment_design.drive import Case, CaseRun, read_drive
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.physical import joint_coefficients
@@ -148,7 +141,7 @@ SEEDS = 40
 
 
 @pytest.fixture(scope="module")
-def designed(examples) -> Design:
+def designed(examples):
     """Return the design of a short experiment with few tones for the example drive."""
     file = read_drive(examples / "drive.toml")
     short = {"duration": 4.0, "sample_time": 0.002, "harmonics": 6}

@@ -2,6 +2,7 @@
 
 import gzip
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
-from joint_log import assert_words, csv_text, joint_columns, refused, said, without, written
+from joint_log import csv_text, joint_columns, refused, said, without, written
 
 from flexid.recording import read_log, recording, series
 from flexid.streaming.incoming import Replay
@@ -149,7 +150,9 @@ def test_huge_file(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     with path.open("wb") as file:
         file.truncate(1_000_000_000)  # a sparse file: no block is written
-    assert_words("larger than 500 MB, the most that is read.*cut the log", refused(read_log, path))
+    assert re.search(
+        "larger than 500 MB, the most that is.*cut the log", refused(read_log, path)
+    )
 
 
 def test_tables_of_more_than_memory_holds(tmp_path: Path, golden: Any, monkeypatch: Any) -> None:

@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +13,6 @@ import polars as pl
 import pytest
 from joint_log import (
     assert_equal_logs,
-    assert_words,
     csv_text,
     joint_columns,
     read_columns,
@@ -103,7 +103,7 @@ def test_late_stamps_of_even_samples_move_none(kind: str, steps: float) -> None:
     (recording,) = log.recordings
     np.testing.assert_array_equal(recording.link_position, columns["link_position"])
     assert recording.sample_time == pytest.approx(0.005, rel=1e-4)
-    assert_words("the positions are smoother at even times, so these were taken", log.warnings[0])
+    assert "the positions are smoother at even times, so these were taken" in log.warnings[0]
 
 
 def test_gaps_and_losses() -> None:
@@ -149,7 +149,9 @@ def test_whole_milliseconds_are_even(rate: float) -> None:
     # Interpolation to even times would change positions by 1e-3 rad.
     np.testing.assert_array_equal(recording.link_position, columns["link_position"])
     (warning,) = log.warnings
-    assert_words("rounded to 1 ms; they fit even steps.*write the time with more digits", warning)
+    assert re.search(
+        "rounded to 1 ms; they fit even steps.*the time with more digits", warning
+    )
 
 
 COLUMNS = joint_columns()

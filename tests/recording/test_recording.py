@@ -1,11 +1,12 @@
 """Recordings, their derived velocities and estimated noise, against closed forms."""
 
+import re
 from dataclasses import replace
 from math import pi, sqrt
 
 import numpy as np
 import pytest
-from joint_log import assert_words, joint_columns, read_columns, refused, without
+from joint_log import joint_columns, read_columns, refused, without
 from scipy.signal import lfilter
 
 from flexid.arrays import FloatArray
@@ -35,7 +36,7 @@ def test_windows() -> None:
         assert "choose 0 <= start < stop <= 10" in message
     with pytest.raises(RecordingError, match=r"input: .*\(9,\).*motor's position"):
         replace(RECORDING, input=np.arange(9.0))
-    assert_words(r"10 samples every 0\.1 s.*input \(V\), motor_velocity>", repr(RECORDING))
+    assert re.search(r"10 samples every 0\.1 s.*input \(V\), motor_velocity>", repr(RECORDING))
     assert repr(Log((RECORDING, RECORDING), (), "a.csv", "")) == "<Log a.csv: 1 s, 1 s>"
 
 
@@ -55,14 +56,14 @@ def test_motion_alone() -> None:
         recording.motor_velocity[inner],
         atol=0.05,
     )
-    assert_words("input: .*identify the link alone", refused(samples_of_recording, recording))
+    assert re.search("input: .*identify the link alone", refused(samples_of_recording, recording))
 
 
 def test_motor_alone() -> None:
     """Assert samples of a rigid joint with a derived velocity, and a remedy for the link."""
     words = r"arm\.csv: link_position: .*log it, or identify the rigid joint"
-    assert_words(words, refused(lambda: ALONE.deflection))
-    assert_words(words, refused(samples_of_recording, ALONE))
+    assert re.search(words, refused(lambda: ALONE.deflection))
+    assert re.search(words, refused(samples_of_recording, ALONE))
     part = with_velocities(ALONE).window(100, 200)
     assert part.link_position is None
     assert part.link_velocity is None

@@ -1,5 +1,6 @@
 """Files of signals in MATLAB, HDF5, MDF, MCAP and ROS bags: contents and refusals."""
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import polars as pl
 import pytest
 from asammdf import Signal
 from benchmarks.fuzz_files import STAMPS, matlab_73, mcap
-from joint_log import assert_words, refused, said
+from joint_log import refused, said
 from log_files import COLUMNS, TORQUE, hdf5, in_groups, log_file, mdf, measured, parquet, signal
 from rosbags.typesys.store import Typestore
 from scipy.io import savemat
@@ -269,4 +270,4 @@ def test_bombs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     for compression in ("ZSTD", "LZ4"):
         path = mcap(tmp_path / f"{compression}.mcap", messages, compression)
         assert path.stat().st_size < 1_000_000
-        assert_words("MCAP file that can be read|memory or time", refused(read_log, path))
+        assert re.search("MCAP file that can be read|memory or time", refused(read_log, path))

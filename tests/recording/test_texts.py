@@ -201,7 +201,7 @@ def test_ends_and_beginnings_without_numbers(tmp_path: Path) -> None:
     for end in ("\0" * 4096, "\0" * 2_000_000, "2.5,0.1"):
         path = joint_log.written(tmp_path, TEXT + end)
         (warning,) = read_log(path).warnings
-        joint_log.assert_words("line 502 was left out, as a last row that is not complete", warning)
+        assert "line 502 was left out, as a last row that is not complete" in warning
         if len(end) < 1_000_000:  # a stream must not wait for the end of such a line
             assert len(streamed(path)) == 500
     lines = TEXT.splitlines()

@@ -14,12 +14,7 @@ from flexid.experiments.measures import measure, settling_times
 from flexid.paper.laws import pd_gravity
 from flexid.paper.loop import sinusoid
 from flexid.simulation.closed_loop import ClosedLoop, Run, simulate
-from flexid.simulation.ensemble import (
-    STATUS,
-    Ensemble,
-    simulate_ensemble,
-    simulate_sampled_ensemble,
-)
+from flexid.simulation.ensemble import STATUS, simulate_ensemble, simulate_sampled_ensemble
 from flexid.simulation.free_run import free_run
 from flexid.simulation.sampled import Sampling, simulate_sampled
 from flexid.studies.runs import table1_loop
@@ -152,13 +147,13 @@ def varied(loop: ClosedLoop, count: int) -> list[ClosedLoop]:
     ]
 
 
-def columns(ensemble: Ensemble) -> dict[str, np.ndarray]:
+def columns(ensemble: Any) -> dict[str, np.ndarray]:
     """Return the arrays of an ensemble by name."""
     return {f.name: getattr(ensemble, f.name) for f in fields(ensemble) if f.name != "system"}
 
 
 def assert_measured_alike(
-    ensemble: Ensemble, place: int, run: Run, sums: float, conditions: float, times: float
+    ensemble: Any, place: int, run: Run, sums: float, conditions: float, times: float
 ) -> None:
     """Assert that a run's measures in an ensemble agree with its samples', within tolerances."""
     measures = measure(run)

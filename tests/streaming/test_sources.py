@@ -11,17 +11,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
-from moving_joint import (
-    LINK,
-    MOTOR,
-    TIME,
-    TORQUE,
-    followed,
-    log_text,
-    same,
-    stream,
-    watched,
-)
+from moving_joint import LINK, MOTOR, TIME, TORQUE, followed, log_text, same, stream, watched
 
 from flexid.errors import RecordingError
 from flexid.recording.read import read_log
