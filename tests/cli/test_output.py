@@ -163,9 +163,8 @@ def examples():
 
 
 @pytest.mark.parametrize("example", [*examples()])
-def test_examples_are_accepted(example, tmp_path, monkeypatch):
+def test_examples_are_accepted(example, here):
     """Assert that every example in the help is a valid command line."""
-    monkeypatch.chdir(tmp_path)
     name, *arguments = example.split()
     command = GROUP.commands[name]
     context = command.make_context(name, arguments)

@@ -117,9 +117,8 @@ OTHERWISE = {  # text in the example, and its replacement
 }
 
 
-def test_what_no_drive_is(text, stored, refusals, monkeypatch, tmp_path):
+def test_what_no_drive_is(text, stored, refusals, here):
     """Assert that file and key are named, for a drive as for its estimate."""
-    monkeypatch.chdir(tmp_path)
     path = Path("drive.toml")
 
     def read(old="", new="", estimate=None):

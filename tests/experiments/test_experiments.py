@@ -307,9 +307,8 @@ CAMPAIGNS = (
 )
 
 
-def test_campaigns_that_cannot_be_run(tmp_path: Path, refusals: Any, monkeypatch: Any):
+def test_campaigns_that_cannot_be_run(here: Path, refusals: Any):
     """Assert that a campaign is checked when it is read, and refused by its key."""
-    monkeypatch.chdir(tmp_path)
     refusals({repr(text)[:80]: partial(variation, Path(), text) for text in CAMPAIGNS})
 
 

@@ -131,13 +131,12 @@ def test_a_child_ends_with_its_reading(reader: Readers):
     tables.close()
 
 
-def test_modules_beside_a_log_are_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_modules_beside_a_log_are_not_run(here: Path):
     """Assert that modules in the folder of a log are not imported."""
-    pl.DataFrame({"time": [0.0], "motor_position": [0.0]}).write_parquet(tmp_path / "a.parquet")
-    (tmp_path / "json.py").write_text("open('was_run', 'w')")
-    monkeypatch.chdir(tmp_path)
+    pl.DataFrame({"time": [0.0], "motor_position": [0.0]}).write_parquet(here / "a.parquet")
+    (here / "json.py").write_text("open('was_run', 'w')")
     Reading(Path("a.parquet")).close()
-    assert not (tmp_path / "was_run").exists()
+    assert not (here / "was_run").exists()
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-import pytest
 from joint_log import csv_text, joint_columns, refused, said, without, written
 
 from flexid.recording import read_log, recording, series
@@ -126,17 +125,15 @@ BYTES: dict[str, tuple[str, bytes]] = {
 }
 
 
-def test_bad_files(tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bad_files(here: Path, golden: Any) -> None:
     """Assert that each is refused with the place and the remedy."""
-    monkeypatch.chdir(tmp_path)
     edited = {n: ("log.csv", ("\n".join(edit(LINES)) + "\n").encode()) for n, edit in TEXTS.items()}
     files = {**edited, **BYTES}
     golden({n: said(read_log, written(Path(), raw, name=p)) for n, (p, raw) in files.items()})
 
 
-def test_paths_that_lead_to_no_file(tmp_path: Path, golden: Any, monkeypatch: Any) -> None:
+def test_paths_that_lead_to_no_file(here: Path, golden: Any) -> None:
     """Assert that broken links, pipes, folders and impossible names are refused as such."""
-    monkeypatch.chdir(tmp_path)
     for name, other in {"dead.csv": "none.csv", "a.csv": "b.csv", "b.csv": "a.csv"}.items():
         Path(name).symlink_to(other)
     os.mkfifo("pipe.csv")
@@ -150,14 +147,11 @@ def test_huge_file(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     with path.open("wb") as file:
         file.truncate(1_000_000_000)  # a sparse file: no block is written
-    assert re.search(
-        "larger than 500 MB, the most that is.*cut the log", refused(read_log, path)
-    )
+    assert re.search("larger than 500 MB, the most that is.*cut the log", refused(read_log, path))
 
 
-def test_tables_of_more_than_memory_holds(tmp_path: Path, golden: Any, monkeypatch: Any) -> None:
+def test_tables_of_more_than_memory_holds(here: Path, golden: Any, monkeypatch: Any) -> None:
     """Assert that too many columns, cells or rows are refused before they are unpacked."""
-    monkeypatch.chdir(tmp_path)
     more = {f"c{k}": np.zeros(50) for k in range(10_000)}
     pl.DataFrame({**joint_columns(50), **more}).write_parquet("wide.parquet")
     pl.read_parquet("wide.parquet").write_csv("wide.csv")

@@ -129,9 +129,8 @@ COMPUTED: list[dict[str, object]] = [
 ]
 
 
-def test_stamps_that_do_not_do(tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch):
+def test_stamps_that_do_not_do(here: Path, golden: Any):
     """Assert that unreadable or decreasing time stamps are named with a remedy."""
-    monkeypatch.chdir(tmp_path)
 
     def log(stamps: list[Any]) -> Log:
         if isinstance(stamps[0], str):

@@ -180,9 +180,8 @@ OTHERS: dict[str, str] = {
 }
 
 
-def test_what_is_said_of_texts(tmp_path: Path, golden: Any, monkeypatch: Any) -> None:
+def test_what_is_said_of_texts(here: Path, golden: Any) -> None:
     """Assert that one sentence gives the remedy, or names what was left out."""
-    monkeypatch.chdir(tmp_path)
     golden({name: said(read_log, written(Path(), text)) for name, text in (READ | OTHERS).items()})
 
 

@@ -149,9 +149,7 @@ def test_whole_milliseconds_are_even(rate: float) -> None:
     # Interpolation to even times would change positions by 1e-3 rad.
     np.testing.assert_array_equal(recording.link_position, columns["link_position"])
     (warning,) = log.warnings
-    assert re.search(
-        "rounded to 1 ms; they fit even steps.*the time with more digits", warning
-    )
+    assert re.search("rounded to 1 ms; they fit even steps.*the time with more digits", warning)
 
 
 COLUMNS = joint_columns()

@@ -212,9 +212,8 @@ MAPS: dict[str, Mapping[str, object]] = {
 }
 
 
-def test_signals_of_files(tmp_path: Path, golden: Any, monkeypatch: Any, capfd: Any) -> None:
+def test_signals_of_files(here: Path, golden: Any, capfd: Any) -> None:
     """Assert the contents of files, or one sentence, without output of the libraries."""
-    monkeypatch.chdir(tmp_path)
     found = {}
     for case, (name, write) in FILES.items():
         path = Path(case) / name

@@ -172,9 +172,8 @@ REFUSED: dict[str, joint_log.Change] = {
 }
 
 
-def test_refused_texts(tmp_path: Path, golden: Any, monkeypatch: Any) -> None:
+def test_refused_texts(here: Path, golden: Any) -> None:
     """Assert that a log names place and reason, and a stream without any sample the same."""
-    monkeypatch.chdir(tmp_path)
     found = {}
     for name, change in REFUSED.items():
         path = joint_log.written(Path(), change(TEXT))
