@@ -171,8 +171,16 @@ TABLE1 = FOLDER / "huang2003.toml"
 SHORT = ("--set", "run.duration=1")
 
 
-def test_run_is_written_whole(flexid: Callable, tmp_path: Path):
-    """Assert that series, summary and figures are written, and that --json prints a summary."""
+def test_a_run_is_written_whole_or_not_at_all(flexid: Callable, tmp_path: Path):
+    """Assert no files and a time if a loop diverges, and else series, summary and figures."""
+    out = tmp_path / "run"
+    steps = ("--set", "run.maximum_steps=100")
+    outcome = flexid("simulate", TABLE1, "--out", out, *steps)
+    assert outcome.status == 1
+    assert outcome.stdout == ""
+    assert "simulation stopped at t = " in outcome.stderr
+    assert "100 steps did not suffice" in outcome.stderr
+    assert not out.exists()
     out = tmp_path / "run"
     asked = ("--csv", "--json", "--set", "controller.k=40")
     outcome = flexid("simulate", TABLE1, "--out", out, *SHORT, *asked)
@@ -194,18 +202,6 @@ def test_run_is_written_whole(flexid: Callable, tmp_path: Path):
     assert summary["provenance"]["experiment_digest"] == experiment.digest
     assert summary["provenance"]["flexid_version"] == package.__version__
     assert summary["provenance"]["tables"]["controller"]["k"] == 40.0
-
-
-def test_divergence_says_what_and_when(flexid: Callable, tmp_path: Path):
-    """Assert that a diverging loop exits with 1 and a time, and leaves no files."""
-    out = tmp_path / "run"
-    steps = ("--set", "run.maximum_steps=100")
-    outcome = flexid("simulate", TABLE1, "--out", out, *steps)
-    assert outcome.status == 1
-    assert outcome.stdout == ""
-    assert "simulation stopped at t = " in outcome.stderr
-    assert "100 steps did not suffice" in outcome.stderr
-    assert not out.exists()
 
 
 @pytest.fixture

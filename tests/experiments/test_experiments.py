@@ -80,21 +80,6 @@ def test_other_files_of_table_1(tmp_path: Path):
     assert marked.digest == read_experiment(FOLDER / "huang2003.toml").digest
 
 
-def test_the_other_law_can_be_named(tmp_path: Path):
-    """Assert that PD control takes its values from the file."""
-    law = 'law = "pd-gravity"\nproportional = 5.0\nderivative = 1.0\n[controller.nominal]\n'
-    law += "gravity_torque = 4.0\njoint_stiffness = 90.0"
-    start, end = TEXT.index('law = "robust"'), TEXT.index("[reference]")
-    text = f"{TEXT[:start]}{law}\n{TEXT[end:]}"
-    found = read_experiment(write(tmp_path, text)).loop.controller.parameters
-    assert found == {
-        "proportional": 5.0,
-        "derivative": 1.0,
-        "nominal_gravity_torque": 4.0,
-        "nominal_joint_stiffness": 90.0,
-    }
-
-
 def but(old: str, new: str, text: str = TEXT) -> str:
     """Return the file with a text replaced."""
     assert old in text
@@ -161,8 +146,19 @@ def test_faults_of_files(pendulum: Path, refusals: Any, monkeypatch: pytest.Monk
     refusals(calls | {"a term that no observer can have": lambda: read(damped).run()})
 
 
-def test_tables_choose_the_loop(tmp_path: Path):
-    """Assert sensors by the table ``sampling``, and the integrator by the table ``run``."""
+def test_tables_choose_law_and_loop(tmp_path: Path):
+    """Assert PD control by the file's values, sensors by sampling, the method by run."""
+    law = 'law = "pd-gravity"\nproportional = 5.0\nderivative = 1.0\n[controller.nominal]\n'
+    law += "gravity_torque = 4.0\njoint_stiffness = 90.0"
+    start, end = TEXT.index('law = "robust"'), TEXT.index("[reference]")
+    text = f"{TEXT[:start]}{law}\n{TEXT[end:]}"
+    found = read_experiment(write(tmp_path, text)).loop.controller.parameters
+    assert found == {
+        "proportional": 5.0,
+        "derivative": 1.0,
+        "nominal_gravity_torque": 4.0,
+        "nominal_joint_stiffness": 90.0,
+    }
     experiment = read_experiment(FOLDER / "sampled_joint.toml")
     step = 2 * np.pi / 65536
     assert experiment.mode == "sampled"

@@ -91,17 +91,6 @@ def test_built_once_in_the_folder_that_is_named(cache: Path, monkeypatch: Any) -
     assert len(list(cache.glob("*.py"))) == len(list(moved.glob("*.py"))) == 1
 
 
-def test_threads_find_whole_modules(cache: Path) -> None:
-    """Assert that a thread waits while another one imports the module."""
-    source = "import time\ntime.sleep(0.3)\nWHOLE = True\n"
-
-    def load(_: int) -> bool:
-        return bool(store.load_kernel("threads", ["x"], lambda: source).WHOLE)
-
-    with ThreadPoolExecutor(4) as pool:
-        assert all(pool.map(load, range(4)))
-
-
 def test_another_recipe_is_another_kernel(cache: Path) -> None:
     """Assert that kernels differ by task, declarations, and templates in their order."""
     source = "from numba import njit\nPLACE = {}\n"
@@ -158,18 +147,6 @@ def test_compiling_is_announced_once(cache: Path, caplog: pytest.LogCaptureFixtu
     assert not caplog.records
 
 
-def test_failed_build_leaves_nothing(cache: Path) -> None:
-    """Assert that a failed build leaves neither a file nor a module."""
-
-    def build() -> str:
-        raise ValueError("no source")
-
-    with pytest.raises(ValueError, match="no source"):
-        store.load_kernel("broken", ["fails"], build)
-    assert {file.suffix for file in cache.rglob("*.*")} == {".lock"}
-    assert not [name for name in sys.modules if name.startswith("flexid_broken_")]
-
-
 KERNEL = """
 from numba import njit
 
@@ -179,8 +156,16 @@ def double(x):
 """
 
 
-def test_damaged_files_are_made_anew(cache: Path) -> None:
-    """Assert that an empty index is rebuilt, and that temporary files of others are kept."""
+def test_failed_and_damaged_builds(cache: Path) -> None:
+    """Assert that a failed build leaves nothing, and that an empty index alone is rebuilt."""
+
+    def build() -> str:
+        raise ValueError("no source")
+
+    with pytest.raises(ValueError, match="no source"):
+        store.load_kernel("broken", ["fails"], build)
+    assert {file.suffix for file in cache.rglob("*.*")} == {".lock"}
+    assert not [name for name in sys.modules if name.startswith("flexid_broken_")]
     kernel = store.load_kernel("damage", ["x"], lambda: KERNEL)
     assert kernel.double(2) == 4
     begun = cache / "__pycache__" / f"{kernel.__name__}.double-5.py311.2.nbc.tmp.0123"
@@ -241,8 +226,15 @@ def test_an_index_may_name_a_kernel_that_is_not_loaded(cache: Path) -> None:
     assert again.total(again.Pair(1.0, 3.0)) == 4.0
 
 
-def test_who_compiles_waits_for_who_writes(cache: Path) -> None:
-    """Assert that nothing is saved while another process has the kernel's lock."""
+def test_threads_wait_for_each_other(cache: Path) -> None:
+    """Assert that a thread waits for an import by another, and for the lock of a kernel."""
+    source = "import time\ntime.sleep(0.3)\nWHOLE = True\n"
+
+    def load(_: int) -> bool:
+        return bool(store.load_kernel("threads", ["x"], lambda: source).WHOLE)
+
+    with ThreadPoolExecutor(4) as pool:
+        assert all(pool.map(load, range(4)))
     kernel = store.load_kernel("waiting", ["x"], lambda: KERNEL)
     lock = FileLock(Path(str(kernel.__file__)).with_suffix(".lock"))
     with ThreadPoolExecutor(1) as pool:

@@ -43,21 +43,6 @@ def compared(a, b, *, same_log=False):
     return compare_estimates(first, second).parameters[a.name]
 
 
-def test_two_samples_as_scipy_tests_them():
-    """Assert that difference, interval and probability equal Welch's test of two samples."""
-    rng = np.random.default_rng(3)
-    before, after = rng.normal(10.0, 1.0, 12), rng.normal(10.8, 0.4, 25)
-    a, b = (number(x.mean(), x.std(ddof=1) / len(x) ** 0.5, len(x) - 1.0) for x in (before, after))
-    found = compared(a, b)
-    truth: Any = ttest_ind(after, before, equal_var=False)
-    ends = truth.confidence_interval(0.95)
-    assert found.value == pytest.approx(after.mean() - before.mean(), rel=1e-12)
-    assert found.interval == pytest.approx((ends.low, ends.high), rel=1e-9)
-    assert found.probability == pytest.approx(truth.pvalue, rel=1e-9)
-    scale = 100.0 / before.mean()
-    assert found.percent_interval == pytest.approx((scale * ends.low, scale * ends.high))
-
-
 def test_ratios_and_what_has_none():
     """Assert ratios on the logarithm; angles and possible zeros are compared in their unit."""
     a = number(2.0, 0.1, name="motor_inertia", logarithmic=True)
@@ -99,8 +84,19 @@ def test_one_drive_twice_is_said_to_have_changed_in_one_comparison_of_twenty(cor
     assert all(c.differ is not c.agree for c in found)
 
 
-def test_holm_lies_between_one_by_one_and_all_times_their_number():
-    """Assert Holm's steps by hand."""
+def test_differences_as_scipy_and_holm_test_them():
+    """Assert Welch's test of two samples, and Holm's steps by hand."""
+    rng = np.random.default_rng(3)
+    before, after = rng.normal(10.0, 1.0, 12), rng.normal(10.8, 0.4, 25)
+    a, b = (number(x.mean(), x.std(ddof=1) / len(x) ** 0.5, len(x) - 1.0) for x in (before, after))
+    found = compared(a, b)
+    truth: Any = ttest_ind(after, before, equal_var=False)
+    ends = truth.confidence_interval(0.95)
+    assert found.value == pytest.approx(after.mean() - before.mean(), rel=1e-12)
+    assert found.interval == pytest.approx((ends.low, ends.high), rel=1e-9)
+    assert found.probability == pytest.approx(truth.pvalue, rel=1e-9)
+    scale = 100.0 / before.mean()
+    assert found.percent_interval == pytest.approx((scale * ends.low, scale * ends.high))
     assert holm([0.01, 0.04, 0.03, 0.005], 0.05) == [True, False, False, True]
     assert holm([0.012, 0.016, 0.024, 0.05], 0.05) == [True, True, True, True]
     assert holm([0.013, 0.016, 0.024, 0.05], 0.05) == [False] * 4
