@@ -213,7 +213,7 @@ def test_command_writes_what_it_promises(flexid, tiny_drive, tmp_path):
 
 
 @pytest.mark.usefixtures("_one_start")
-def test_designs_that_cannot_do(flexid, tiny_drive, tmp_path):
+def test_designs_that_fail(flexid, tiny_drive, tmp_path):
     """Assert status 2 if limits allow no motion, and 1 if a coefficient stays undetermined."""
     offset = "motor_viscous_friction = 0.1\nmotor_offset_torque = 4.9"
     text = tiny_drive.read_text().replace("motor_viscous_friction = 0.1", offset)
