@@ -29,14 +29,15 @@ def faint(tmp_path_factory):
 
 
 def test_what_the_others_cost(faint):
-    """Assert that width alone, cost and partner follow from the covariance."""
+    """Assert the identified values, and width alone, cost and partner by the covariance."""
     _, report = faint
     fit = report.identification.fit
     inverse = np.linalg.inv(fit.covariance)
     scale = np.sqrt(np.diag(fit.covariance))
     correlations = fit.covariance / np.outer(scale, scale) - np.eye(len(scale))
     for place, name in enumerate(fit.names):
-        c = report.coefficients[name]
+        c, own = report.coefficients[name], report.identification.coefficients[name]
+        assert vars(own).items() <= vars(c).items()
         alone = inverse[place, place] ** -0.5 / scale[place]
         assert c.width_alone == pytest.approx(c.width * alone, rel=1e-6)
         other = int(np.argmax(np.abs(correlations[place])))
