@@ -1,15 +1,8 @@
 """Debian's Chromium for tests of pages: the fixture `browser`, and checks of pages."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
 
 _CHROMIUM = Path("/usr/bin/chromium")
 _ARGUMENTS = (
@@ -24,7 +17,7 @@ _ARGUMENTS = (
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser():
     """Return a browser; skip the test without one.
 
     Each test file has its own browser: Playwright keeps an event loop running in the thread while
@@ -49,7 +42,7 @@ class Watched:
         Page without an address yet.
     """
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page) -> None:
         self.requests: list[str] = []
         self.complaints: list[str] = []
         page.on("request", lambda request: self.requests.append(request.url))
@@ -62,7 +55,7 @@ class Watched:
             self.complaints.append(f"{kind}: {text}")
 
 
-def serious_faults(page: Page) -> list[str]:
+def serious_faults(page) -> list[str]:
     """Return faults that axe-core rates serious or critical, each with its places."""
     from axe_playwright_python.sync_playwright import Axe
 

@@ -1,7 +1,5 @@
 """Fixtures that several test packages share."""
 
-from __future__ import annotations
-
 import gc
 import logging
 import os
@@ -9,7 +7,6 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -25,9 +22,6 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 from flexid.cli.main import main
 from flexid.errors import FlexidError
 from flexid.studies.reproduction import Reproduction, reproduce
-
-if TYPE_CHECKING:
-    from flexid.library.joint_estimate import JointEstimate
 
 
 @dataclass(frozen=True)
@@ -96,6 +90,13 @@ def refusals(
     return compare
 
 
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return an empty folder, which is the working directory: messages name files in it alone."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """Return the folder of real logs, which is no part of the project; skip without it."""
@@ -112,7 +113,7 @@ def examples() -> Path:
 
 
 @pytest.fixture(scope="session")
-def example_estimate(examples: Path) -> JointEstimate:
+def example_estimate(examples: Path):
     """Return the estimate of the example log with its true terms and hold."""
     from flexid.library.identify import identify
 

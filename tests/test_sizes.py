@@ -1,7 +1,5 @@
 """Files that are too large, wide or deeply nested: refused with bounded memory."""
 
-from __future__ import annotations
-
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -84,8 +82,8 @@ def test_an_estimate_nested_deep(raw: bytes, tmp_path: Path):
     assert "is not JSON" in refusal(tmp_path / "estimate.json", raw, read_estimate)
 
 
-def test_a_header_of_very_many_columns(tmp_path: Path):
-    """Assert that a header of a megabyte, or of very many columns, is refused."""
+def test_logs_that_are_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that very many columns, and a file that grows while it is read, are refused."""
     header = ",".join(f"c{number}" for number in range(160_000))
     rows = "\n" + ",".join("1" * 160_000)
     message = refusal(tmp_path / "log.csv", (header + 2 * rows).encode(), read_log)
@@ -94,10 +92,6 @@ def test_a_header_of_very_many_columns(tmp_path: Path):
     rows = "\n" + ",".join("1" * 20_000)
     message = refusal(tmp_path / "log.csv", (header + 3 * rows).encode(), read_log)
     assert "there are 20000 columns of 3 rows, more than are read at once" in message
-
-
-def test_a_file_that_grows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that a file that grows while it is read is refused."""
     (tmp_path / "log.csv").write_text("time,motor_position\n" + "0,1\n" * 100)
     monkeypatch.setattr(files, "check_file", lambda *_: 100)
     with pytest.raises(FlexidError, match="the file grows while it is read"):

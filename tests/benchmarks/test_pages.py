@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from benchmarks.accuracy_tools import TOOLS
+from benchmarks.mutations import changes
 from benchmarks.page_block import block_of
 from benchmarks.rivals import page as rivals
 from benchmarks.smoke import JOBS
@@ -14,7 +15,7 @@ from benchmarks.thresholds import UNTOUCHED, moved
 from benchmarks.trials import page as trials
 from benchmarks.trials.realistic import page as realistic
 
-from benchmarks import accuracy_page, coverage_page
+from benchmarks import accuracy_page, coverage_page, mutants_page
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 KEPT = json.loads(coverage_page.RESULTS.read_text(encoding="utf-8"))
@@ -99,3 +100,24 @@ def test_each_threshold_is_halved_and_doubled():
         other = {f.name: getattr(thresholds, f.name) for f in fields(thresholds)}
         assert other.pop(own) == float(factor) * getattr(THRESHOLDS, own)
         assert all(value == getattr(THRESHOLDS, rest) for rest, value in other.items())
+
+
+def test_mutants():
+    """Assert one change at a time and none of annotations; pages as the results, all judged."""
+    source = 'def f(δ: "int" = 2) -> "a | b":\n    return not δ <= 3.0 and f"{1}"\n'
+    found = {whole.decode().removesuffix("\n") for *_, whole in changes(source.encode())}
+    for before, after in (
+        ("= 2", "= (3)"),
+        ('not δ <= 3.0 and f"{1}"', "(not δ <= 3.0 or f'{1}')"),
+        ("not δ <= 3.0", "(δ <= 3.0)"),
+        ("δ <= 3.0", "(δ < 3.0)"),
+        ("δ <= 3.0", "(δ >= 3.0)"),
+        ("3.0", "(6.0)"),
+    ):
+        found.remove(source.replace(before, after).removesuffix("\n"))
+    assert not found
+    results = mutants_page.kept()
+    page = mutants_page.PAGE.read_text(encoding="utf-8")
+    assert block_of(page, mutants_page.BLOCK) == "\n".join([*mutants_page.table(results), ""])
+    assert mutants_page.LIST.read_text(encoding="utf-8") == mutants_page.survivors(results)
+    assert "not judged" not in mutants_page.survivors(results)

@@ -47,22 +47,10 @@ def missing(directory, manifest=MANIFEST):
         return store.missing()
 
 
-def test_a_new_directory_lacks_everything(tmp_path):
-    """Assert that the manifest is written before parts, and that parts contain each run once."""
-    assert missing(tmp_path / "a" / "b") == [0, 1, 2]
-    assert json.loads((tmp_path / "a" / "b" / "campaign.json").read_text())["runs"] == 7
-    assert [list(MANIFEST.runs_of(n)) for n in MANIFEST.parts] == [[0, 1, 2], [3, 4, 5], [6]]
-
-
-def cut(path, size):
-    """Truncate a file."""
-    path.write_bytes(path.read_bytes()[:size])
-
-
 @pytest.mark.parametrize(
     "damage",
     [
-        *(lambda path, size=size: cut(path, size) for size in (0, 3, 200, -1)),
+        *(lambda path, n=n: path.write_bytes(path.read_bytes()[:n]) for n in (0, 3, 200, -1)),
         lambda path: path.rename(path.with_name(f".{path.name}.tmp")),  # as left by kill -9
         lambda path: path.write_bytes(path.with_name("part-000000.parquet").read_bytes()),
         lambda path: pl.DataFrame({"a": [1]}).write_parquet(path),
@@ -74,8 +62,11 @@ def test_a_damaged_part_is_run_again(full, damage):
     assert missing(full) == [1]
 
 
-def test_a_directory_keeps_its_part_size(full):
-    """Assert that existing parts determine the size of later parts."""
+def test_parts_of_a_directory(tmp_path, full):
+    """Assert a manifest before parts, each run once, and the size of parts that exist."""
+    assert missing(tmp_path / "a" / "b") == [0, 1, 2]
+    assert json.loads((tmp_path / "a" / "b" / "campaign.json").read_text())["runs"] == 7
+    assert [list(MANIFEST.runs_of(n)) for n in MANIFEST.parts] == [[0, 1, 2], [3, 4, 5], [6]]
     with open_store(full, MANIFEST.model_copy(update={"runs_per_part": 2})) as store:
         assert store.manifest == MANIFEST
         assert store.missing() == []
@@ -185,16 +176,12 @@ def whole(experiment, tmp_path_factory):
     return rows
 
 
-def test_threads_of_a_new_process_load_the_kernel_once(experiment, whole, tmp_path):
-    """Assert that four threads of a new process, without loaded kernels, give the same rows."""
+def test_processes_that_are_new_or_killed(experiment, whole, tmp_path):
+    """Assert equal rows of four threads without kernels, and of a run after kill -9."""
     code = "from flexid.cli.main import main; main()"
     command = [sys.executable, "-c", code, "campaign", experiment.path, "--out", str(tmp_path)]
     subprocess.run([*command, "--workers", "4"], check=True, timeout=300)
     assert same_bits(rows_of(tmp_path), whole)
-
-
-def test_kill_9_loses_the_part_at_hand_alone(experiment, whole, tmp_path):
-    """Assert that a campaign killed while it writes its third part continues after the second."""
     out = tmp_path / "out"
     killed = subprocess.run([sys.executable, "-c", KILLED, experiment.path, str(out)], timeout=300)
     assert killed.returncode == -signal.SIGKILL
@@ -263,8 +250,8 @@ def write_campaign(out, parts=None):
     return out
 
 
-def test_runs_are_counted_and_their_quantiles_are_of_those_that_finished(tmp_path):
-    """Assert that each run counts once, diverged runs have no values, and NaN counts as missing."""
+def test_campaigns_are_summarised(tmp_path):
+    """Assert counts and quantiles of finished runs, and truncated parts of unfinished ones."""
     finished = summarise(write_campaign(tmp_path))
     assert list(finished.statuses.items()) == [("finished", 360), ("diverged", 40)]
     assert (finished.complete, finished.done, finished.finished) == (True, 400, 360)
@@ -273,10 +260,6 @@ def test_runs_are_counted_and_their_quantiles_are_of_those_that_finished(tmp_pat
     assert error.quantiles == pytest.approx((-18.0, 0.0, 18.0), abs=3.0)
     assert settling.quantiles == pytest.approx((11.0, 20.0, 29.0), abs=0.5)
     assert settling.missing == pytest.approx(180, abs=10)
-
-
-def test_an_unfinished_campaign_is_summarised(tmp_path):
-    """Assert that an unfinished campaign is summarised, with truncated parts named."""
     some = write_campaign(tmp_path / "some", parts=[0, 3, 4])
     path = some / "runs" / "part-000004.parquet"
     path.write_bytes(path.read_bytes()[:100])

@@ -115,8 +115,16 @@ def test_a_scheduler_without_workers_is_one_sentence(scheduler, experiment, tmp_
     )
 
 
-def test_workers_of_another_version_are_refused(scheduler, experiment, tmp_path):
-    """Assert that workers of another version are refused, with worker and version."""
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "tcp://127.0.0.1", "http://x", "", "::"])
+def test_a_scheduler_that_is_not_there_is_one_sentence(experiment, tmp_path, monkeypatch, address):
+    """Assert that an address without a scheduler gives one sentence instead of a traceback."""
+    monkeypatch.setattr(runner, "_TIMEOUT", 1.0)
+    with pytest.raises(CampaignError, match="cannot be reached"):
+        run_campaign(experiment, tmp_path / "out", scheduler=address)
+
+
+def test_workers_and_packages_that_do_not_fit(scheduler, experiment, tmp_path, monkeypatch):
+    """Assert that other versions are refused by worker, and a missing package by its command."""
     worker = start_worker(scheduler, "other", code=OTHER_VERSION)
     try:
         wait_for_workers(scheduler, 1)
@@ -127,18 +135,6 @@ def test_workers_of_another_version_are_refused(scheduler, experiment, tmp_path)
     finally:
         worker.kill()
         worker.wait(60)
-
-
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "tcp://127.0.0.1", "http://x", "", "::"])
-def test_a_scheduler_that_is_not_there_is_one_sentence(experiment, tmp_path, monkeypatch, address):
-    """Assert that an address without a scheduler gives one sentence instead of a traceback."""
-    monkeypatch.setattr(runner, "_TIMEOUT", 1.0)
-    with pytest.raises(CampaignError, match="cannot be reached"):
-        run_campaign(experiment, tmp_path / "out", scheduler=address)
-
-
-def test_a_missing_package_is_one_sentence(experiment, tmp_path, monkeypatch):
-    """Assert that a missing package is named with the command that installs it."""
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(SettingError, match=r"pip install 'flexid\[dask\]'"):
         run_campaign(experiment, tmp_path / "out", scheduler="tcp://127.0.0.1:8786")

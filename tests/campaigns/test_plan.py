@@ -33,30 +33,18 @@ def seeds(runs, campaign_seed=0):
     return plan.table(range(runs))[SEED].to_numpy()
 
 
-def test_a_grid_has_every_combination_once():
-    """Assert that a grid's runs are the product of its values, the last one changing fastest."""
+def test_kinds_of_plans():
+    """Assert all combinations, one run per slice, extension, and equal shares of listed values."""
     plan = make_plan(variation("grid", 6, a=listed(1, 2), b=listed(3, 4, 5)), sampled=False)
     assert plan.values.tolist() == [[1, 3], [1, 4], [1, 5], [2, 3], [2, 4], [2, 5]]
-
-
-def test_a_latin_hypercube_has_one_run_in_every_slice():
-    """Assert that each of n equally likely slices of an input contains exactly one of n runs."""
     plan = make_plan(variation("latin-hypercube", 40, a=UNIFORM, b=LOG_UNIFORM), sampled=False)
     a = (plan.values[:, 0] - 10.0) / 40.0
     b = np.log(plan.values[:, 1] / 1e-6) / np.log(1e4)
     for shares in (a, b):
         assert sorted(np.floor(40 * shares).astype(int)) == list(range(40))
-
-
-def test_a_sobol_plan_goes_on_where_a_shorter_one_ends():
-    """Assert that a longer plan begins with the runs of a shorter one."""
     short = make_plan(variation("sobol", 11, a=UNIFORM, b=NORMAL), sampled=False)
     long = make_plan(variation("sobol", 50, a=UNIFORM, b=NORMAL), sampled=False)
     assert np.array_equal(short.values, long.values[:11])
-
-
-def test_listed_values_are_drawn_alike():
-    """Assert that each of four listed values occurs in a quarter of the runs."""
     plan = make_plan(variation("sobol", 1024, a=listed(1, 2, 4, 8)), sampled=False)
     values, counts = np.unique(plan.values, return_counts=True)
     assert dict(zip(values, counts, strict=True)) == dict.fromkeys((1.0, 2.0, 4.0, 8.0), 256)
@@ -79,8 +67,8 @@ def test_a_run_has_its_values_whatever_the_part(kind, runs, seed, size):
     assert again.digest == plan.digest
 
 
-def test_every_run_has_a_seed_of_its_own():
-    """Assert that seeds differ between runs and campaigns, and not with the number of runs."""
+def test_seeds_and_digests():
+    """Assert a seed of each run and campaign, and digests by seed, name and sampling."""
     long = seeds(300)
     assert len(np.unique(long)) == 300
     assert long.min() >= 0
@@ -91,10 +79,6 @@ def test_every_run_has_a_seed_of_its_own():
     assert plan.table(range(2)).rows() == [(0, 4.0), (1, 5.0)]
     unsampled = make_plan(variation("grid", 1, a=listed(1)), sampled=False)
     assert unsampled.table(range(1)).columns == ["run", "a"]
-
-
-def test_another_seed_is_another_plan():
-    """Assert that digests of plans differ by seed, name and sampling."""
     digests = {
         make_plan(variation("sobol", 8, 0, a=UNIFORM), sampled=False).digest,
         make_plan(variation("sobol", 8, 1, a=UNIFORM), sampled=False).digest,
@@ -119,7 +103,7 @@ def grid(path, values):
 
 
 def test_a_row_is_what_a_single_run_gives(tmp_path):
-    """Assert that each row equals a single run with its gain and noise seed."""
+    """Assert a single run's results by gain and seed, and errors relative to its own plant."""
     experiment, table = planned(tmp_path, grid("controller.proportional", [20.0, 40.0]))
     rows = part_rows(experiment, table)
     for row in rows.to_dicts():
@@ -131,10 +115,6 @@ def test_a_row_is_what_a_single_run_gives(tmp_path):
         assert row["peak_input.u"] == pytest.approx(np.abs(run.inputs).max())
         assert row["tracking_rms"] == pytest.approx(np.sqrt(np.mean(run.tracking_error**2)))
     assert rows["final_error.theta2"].n_unique() == 2
-
-
-def test_relative_errors_are_those_of_each_runs_own_truth(tmp_path):
-    """Assert that relative errors refer to each run's own plant."""
     experiment, table = planned(tmp_path, grid("plant.joint_stiffness", [80.0, 120.0]))
     rows = part_rows(experiment, table)
     truth = rows["plant.joint_stiffness"]  # theta2 with a link inertia of 1
@@ -162,8 +142,13 @@ def test_a_value_that_is_not_allowed_is_a_row(tmp_path):
     assert rows.filter(negative)["final_error.theta1"].is_nan().all()
 
 
-def test_an_unexpected_failure_loses_one_run(tmp_path, monkeypatch):
-    """Assert that runs of a failed ensemble are tried singly, with the same bits."""
+def test_parts_that_stop_or_fail(tmp_path, monkeypatch):
+    """Assert a stop between batches, and that a failed run alone is lost, with the same bits."""
+    experiment, table = planned(tmp_path, grid("observer.link", [1.0] * 20))
+    asked = iter([False, True])
+    with pytest.raises(Stopped):
+        part_rows(experiment, table, lambda: next(asked))
+    assert next(asked, "all asked") == "all asked"
     experiment, table = planned(tmp_path, grid("observer.link", [1.0, 2.0, 3.0]))
     whole = part_rows(experiment, table)
     simulate = rows_module.simulate_sampled_ensemble
@@ -178,12 +163,3 @@ def test_an_unexpected_failure_loses_one_run(tmp_path, monkeypatch):
     assert rows["status"].to_list() == ["finished", "error", "finished"]
     assert rows["error"].to_list() == [None, "ZeroDivisionError: no way", None]
     assert rows[[0, 2]].equals(whole[[0, 2]])
-
-
-def test_a_part_stops_when_asked(tmp_path):
-    """Assert that a part stops between two batches on request."""
-    experiment, table = planned(tmp_path, grid("observer.link", [1.0] * 20))
-    asked = iter([False, True])
-    with pytest.raises(Stopped):
-        part_rows(experiment, table, lambda: next(asked))
-    assert next(asked, "all asked") == "all asked"

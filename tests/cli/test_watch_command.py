@@ -5,9 +5,9 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import polars as pl
-import pytest
 
 from flexid.streaming import incoming
 
@@ -40,9 +40,7 @@ def test_a_log_is_watched_to_its_end(tmp_path: Path):
     assert reports[-1]["samples"]["taken"] == 30000
 
 
-def test_a_log_that_is_damaged_in_the_middle(
-    tmp_path: Path, flexid, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_log_that_is_damaged_in_the_middle(tmp_path: Path, flexid, monkeypatch: Any):
     """Assert that a damaged log is reported up to the damage, and then refused with the place."""
     log = tmp_path / "log.parquet"
     pl.read_csv(LOG).write_parquet(log, row_group_size=1000)

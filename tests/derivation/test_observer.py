@@ -1,8 +1,7 @@
-"""The observer for the whole class, Huang (2003), eqs. (2), (3) and (7), and printed code."""
+"""Immersions, the observer of Huang (2003), eqs. (2), (3) and (7), and printed code."""
 
 import ctypes
-import shutil
-import subprocess
+import math
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -13,12 +12,103 @@ import pytest
 import sympy as sp
 from scipy.integrate import quad
 from systems import ALL, NO_CLOSED_FORM, PAPER, THREE_ROWS, UNKNOWN_GAIN
+from tests.exports.drive import STRICT, run, tool
 
-from flexid.errors import AccelerationError
-from flexid.models.flexible_joint import flexible_joint
+from flexid.derivation.model_functions import signal_module, split_regressor
+from flexid.derivation.source import ScalarPrinter
+from flexid.derivation.symbolic import symbol, symbolic_system, to_sympy
+from flexid.errors import AccelerationError, ExpressionError
+from flexid.models.flexible_joint import TERMS, flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row
-from flexid.paper.observer import SymbolicObserver, derive_observer, error_dynamics, graded_rule
+from flexid.paper.observer import (
+    derive_observer,
+    error_dynamics,
+    graded_rule,
+    immersion,
+)
 from flexid.paper.printing import c_observer, latex_observer, python_observer
+
+q, v, width = symbol("q"), symbol("v"), symbol("width")
+
+CLOSED = {
+    "1": "v",
+    "q": "q*v",
+    "-v": "-v**2/2",
+    "(q + v)**2": "q**2*v + q*v**2 + v**3/3",
+    "sign(v)": "Abs(v)",
+    "v*abs(v)": "v**2*Abs(v)/3",
+    "tanh(10*v)": "LogCosh(10*v)/10",
+    "tanh(v/width)*q": "q*width*LogCosh(v/width)",
+    "tanh(v + q)*q": "q*(-LogCosh(q) + LogCosh(q + v))",
+}
+
+QUADRATURE = ["exp(-v**2)*tanh(v)", "cos(q*v)", "tanh(q*v)", "v/abs(q - v)"]
+
+
+@pytest.mark.parametrize("text", CLOSED)
+def test_closed_form(text: str):
+    """Assert the antiderivative found by hand, and the value of its integral."""
+    regressor = to_sympy(text, {"q", "v", "width"})
+    found = immersion(regressor, v, [width])
+    assert str(found) == CLOSED[text]
+    values: dict[Any, Any] = {q: 0.7, width: 0.3}
+    printed = sp.lambdify(v, found.subs(values), "math", printer=ScalarPrinter)
+    integrand = sp.lambdify(v, regressor.subs(values), "math")
+    for end in (-300.0, -2.5, -1e-3, 0.0, 1e-3, 2.5, 300.0):
+        breaks = sorted(math.copysign(p, end) for p in (1.0, 10.0, 100.0) if p < abs(end))
+        wanted, _ = quad(integrand, 0.0, end, points=breaks or None, epsabs=1e-12, epsrel=1e-10)
+        assert printed(end) == pytest.approx(wanted, rel=1e-9, abs=1e-11)
+
+
+@pytest.mark.parametrize("text", QUADRATURE)
+def test_quadrature_where_no_plain_closed_form(text: str):
+    """Assert that a regressor without a closed form that is valid everywhere stays an integral."""
+    assert immersion(to_sympy(text, {"q", "v"}), v).has(sp.Integral)
+
+
+@pytest.mark.parametrize(
+    "text", ["1/0", "q/0", "0/0*q", "q**(1/0)", "sqrt(-1)*q", "(-8)**(1/3)", "tan(pi/2) + q"]
+)
+def test_no_finite_real_value(text: str):
+    """Assert that an expression without any finite real value is refused with its place."""
+    with pytest.raises(ExpressionError, match=r"here: .*no finite real value"):
+        to_sympy(text, {"q"}, "here")
+
+
+JOINT = symbolic_system(flexible_joint(TERMS))
+X1, X2, X3, X4, U = (symbol(name) for name in ("x1", "x2", "x3", "x4", "u"))
+
+
+PARTS = {
+    "positions and inputs": (sp.sin(X1) * X3 + U**2, sp.sin(X1) * X3 + U**2, (0, 0), 0),
+    "the joint's damping": (3 * X1 + X2 - X4, 3 * X1, (1, -1), 0),
+    "a product": (X2 * sp.cos(X1) + X2 * (X1 + 1), 0, (1, 0), X2 * sp.cos(X1) + X1 * X2),
+    "a bracket": ((X1 + X2) ** 2, X1**2, (0, 0), 2 * X1 * X2 + X2**2),
+}
+"""Regressor; by hand its memoryless part, factors of velocities, and the remainder."""
+
+
+@pytest.mark.parametrize("case", PARTS)
+def test_parts(case):
+    """Assert that a regressor is split, term by term, by its dependence on velocities."""
+    regressor, *expected = PARTS[case]
+    parts = split_regressor(regressor, JOINT)
+    assert [parts.memoryless, parts.velocity_factors, parts.remainder] == expected
+
+
+@pytest.mark.parametrize(
+    ("system", "name", "value"),
+    [
+        (flexible_joint(), "VELOCITY_NEEDED", "()"),
+        (flexible_joint(TERMS), "VELOCITY_NEEDED", "('theta_coulomb', 'alpha_coulomb')"),
+        (NO_CLOSED_FORM, "HELD", "(False, False, False, True)"),  # the known part has an input
+        (THREE_ROWS, "N_SIGNALS", str(len(THREE_ROWS.coefficients) + 3)),
+    ],
+)
+def test_what_is_emitted(system, name, value):
+    """Assert that velocities are required only if needed, and the hold only if it matters."""
+    lines = signal_module(system).splitlines()
+    assert f"{name} = {value}" in lines
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -67,7 +157,7 @@ REFUSED = ("1/v", "q/v**2", "v/abs(v)", "1/sqrt(abs(v))", "sign(q)*v", "sign(u)"
 def test_what_cannot_be_integrated_is_refused(refusals: Any):
     """Assert that regressors without a valid integral, and accelerations, are refused."""
 
-    def derived(regressor: str) -> SymbolicObserver:
+    def derived(regressor: str) -> Any:
         row = Row("arm", "q", "v", {"a": regressor, "b": "-2*v"})
         return derive_observer(ParametricSystem("arm", (row,)))
 
@@ -103,7 +193,7 @@ def test_golden_text(target: str, name: str, request: pytest.FixtureRequest):
     assert printed == file.read_text("utf-8")
 
 
-def symbolic_values(observer: SymbolicObserver) -> tuple[list[np.ndarray], list, list]:
+def symbolic_values(observer: Any) -> tuple[list[np.ndarray], list, list]:
     """Return random inputs of an observer, and values of (2) and (3) with integrals by SymPy."""
     rng, symbolic = np.random.default_rng(7), observer.symbolic
     signals = (
@@ -127,18 +217,13 @@ def symbolic_values(observer: SymbolicObserver) -> tuple[list[np.ndarray], list,
 @pytest.fixture(scope="module")
 def compile_c(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], ctypes.CDLL]:
     """Return a function that compiles C99, with warnings as errors, and loads it."""
-    compiler = shutil.which("gcc")
-    if compiler is None:
-        pytest.skip("there is no gcc to compile the printed C with")
 
     def build(source: str) -> ctypes.CDLL:
-        folder = tmp_path_factory.mktemp("c")
-        (folder / "observer.c").write_text(source, encoding="utf-8")
-        options = "-std=c99 -pedantic -Wall -Wextra -Werror -O1 -shared -fPIC -o observer.so"
-        command = [compiler, *options.split(), "observer.c", "-lm"]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
-        return ctypes.CDLL(str(folder / "observer.so"))
+        file = tmp_path_factory.mktemp("c") / "observer.c"
+        file.write_text(source, encoding="utf-8")
+        library = file.with_suffix(".so")
+        run(tool("gcc"), *STRICT, "-O1", "-shared", "-fPIC", file, "-lm", "-o", library)
+        return ctypes.CDLL(str(library))
 
     return build
 
@@ -169,9 +254,7 @@ AWKWARD = ParametricSystem(
 
 
 @pytest.mark.parametrize("system", [*ALL.values(), AWKWARD], ids=[*ALL, "awkward names"])
-def test_printed_functions_have_the_symbolic_values(
-    system: ParametricSystem, compile_c: Callable[[str], ctypes.CDLL]
-):
+def test_printed_functions_have_the_symbolic_values(system: ParametricSystem, compile_c: Any):
     """Assert that printed Python and C compute (2) and (3), for any names, without warnings."""
     observer = derive_observer(system)
     values, estimates, rates = symbolic_values(observer)

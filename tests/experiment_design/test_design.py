@@ -1,7 +1,9 @@
-"""A designed experiment for Table I's joint: its errors, limits and predictions."""
+"""Drive files, and a designed experiment for Table I's joint: errors, limits, predictions."""
 
 import json
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -11,25 +13,134 @@ from scipy.optimize import brentq
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
-from flexid.experiment_design.design import (
-    Design,
-    design,
-    deviation,
-    predict,
-    smooth_cost,
-    waveform,
-)
+from flexid.experiment_design.design import design, deviation, predict, smooth_cost, waveform
 from flexid.experiment_design.drive import Case, CaseRun, read_drive
 from flexid.models.flexible_joint import flexible_joint
+from flexid.models.physical import joint_coefficients
 from flexid.report.design import write_data
 from flexid.simulation.free_run import free_run
+from flexid.stored_estimates.estimate_file import read_estimate, sealed
+from flexid.studies.runs import PHYSICAL
 from joint_logs import SAMPLE_TIME, steady_sine
+from made_estimates import stored_document, stored_value
+
+
+@pytest.fixture
+def text(examples):
+    """Return the text of the shipped example."""
+    return (examples / "drive.toml").read_text()
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Write a drive file and return its path."""
+
+    def write(content):
+        path = tmp_path / "drive.toml"
+        path.write_text(content)
+        return path
+
+    return write
+
+
+def test_values_of_a_drive(examples, text, written):
+    """Assert Table I's, a known value in every perturbed drive, and an encoder's step as noise."""
+    drive = read_drive(examples / "drive.toml").drive
+    assert drive.coefficients == pytest.approx(joint_coefficients(PHYSICAL))
+    assert set(drive.nominal.coefficients) == set(drive.coefficients)
+    drive = read_drive(written('known = ["motor_inertia"]\n' + text)).drive
+    assert "beta1" not in drive.nominal.coefficients
+    assert {case.system.constants["beta1"] for case in drive.cases(0)} == {1 / 0.3}
+    drive = read_drive(written(text.replace("position_noise = 1e-4", "encoder_bits = 12"))).drive
+    assert drive.sensors.noise == pytest.approx(2 * np.pi / 4096 / np.sqrt(12))
+
+
+@pytest.fixture
+def stored(tmp_path):
+    """Write the estimate of Table I's joint with some parameters changed; return its path."""
+
+    def write(terms=("gravity", "motor_viscous"), **changed):
+        document = stored_document({}, {"joint_stiffness": 100.0, "link_inertia": 1.0})
+        for name, changes in changed.items():
+            document["parameters"][name] = stored_value(100.0, name=name) | changes
+        document["choices"]["terms"] = terms
+        path = tmp_path / "estimate.json"
+        path.write_text(json.dumps(sealed(document)))
+        return path
+
+    return write
+
+
+def test_an_estimate_replaces_beliefs(examples, stored):
+    """Assert values by name, and warnings of shapes, guesses and values that are missing."""
+    path = stored(link_inertia={"value": 1.5}, joint_damping={"value": 0.1})
+    file = read_drive(examples / "drive.toml", read_estimate(path))
+    assert file.drive.values == pytest.approx({**PHYSICAL, "link_inertia": 1.5})
+    assert [name for name, _ in file.inputs] == ["drive.toml", "estimate.json"]
+    (warning,) = file.warnings
+    assert "joint_damping" in warning
+    undetermined = {"verdict": "undetermined"}
+    path = stored(
+        ("gravity", "motor_stribeck"),
+        link_inertia={"value": None, **undetermined},
+        joint_stiffness={"value": 90.0, **undetermined},
+        motor_inertia={"value": PHYSICAL["motor_inertia"], **undetermined},
+    )
+    file = read_drive(examples / "drive.toml", read_estimate(path))
+    assert file.drive.values == pytest.approx({**PHYSICAL, "joint_stiffness": 90.0})
+    shape, nothing, guessed = file.warnings
+    assert "motor_stribeck" in shape
+    assert "gravity" not in shape
+    assert "link_inertia has no finite value" in nothing
+    assert "joint_stiffness, motor_inertia is undetermined" in guessed
+
+
+OTHERWISE = {  # text in the example, and its replacement
+    "a slide": ("[parameters]", 'joint = "prismatic"\n[parameters]'),
+    **{
+        f"a torque of {t}": ("torque = 30.0", f"torque = {t}")
+        for t in ("nan", "inf", "-1.0", '"30"')
+    },
+    "a misspelt limit": ("torque = 30.0", "torqe = 30.0"),
+    "no inertia": ("link_inertia = 1.0", "link_inertia = 0.0"),
+    "an inertia missing": ("link_inertia = 1.0", ""),
+    "no gravity": ("gravity_torque = 5.0", "gravity_torque = 0.0"),
+    "a negative spring": ("= 100.0", "= -100.0"),
+    "a negative duration": ("duration = 10.0", "duration = -10.0"),
+    "an endless duration": ("duration = 10.0", "duration = 1e9"),
+    "long samples": ("sample_time = 0.001", "sample_time = 0.05"),
+    "many harmonics": ("sample_time = 0.001", "sample_time = 0.001\nharmonics = 1000"),
+    "a long ramp": ("sample_time = 0.001", "sample_time = 0.001\nramp = 6.0"),
+    "no noise": ("position_noise = 1e-4", ""),
+    "noise twice": ("position_noise = 1e-4", "position_noise = 1e-4\nencoder_bits = 12"),
+    "a misspelt table": ("[sensors]", "[sensor]"),
+}
+
+
+def test_what_no_drive_is(text, stored, refusals, here):
+    """Assert that file and key are named, for a drive as for its estimate."""
+    path = Path("drive.toml")
+
+    def read(old="", new="", estimate=None):
+        assert old in text
+        path.write_text(text.replace(old, new) if old else text)
+        return read_drive(path, estimate and read_estimate(estimate))
+
+    alone = json.loads(stored().read_text())
+    held = alone["parameters"].pop("joint_stiffness")
+    alone["parameters"] = {"joint_stiffness_per_link_inertia": held}
+    calls = {name: partial(read, *pair) for name, pair in OTHERWISE.items()}
+    calls["an estimate of a link alone"] = partial(read, estimate=sealed(alone))
+    stored(joint_stiffness={"value": -100.0})
+    calls["an estimate's spring"] = partial(read, estimate="estimate.json")
+    refusals(calls)
+
 
 SEEDS = 40
 
 
 @pytest.fixture(scope="module")
-def designed(examples) -> Design:
+def designed(examples):
     """Return the design of a short experiment with few tones for the example drive."""
     file = read_drive(examples / "drive.toml")
     short = {"duration": 4.0, "sample_time": 0.002, "harmonics": 6}
@@ -38,8 +149,8 @@ def designed(examples) -> Design:
     return design(quick, 0, lambda _: None)
 
 
-def test_beats_the_papers_motion_at_equal_torque(designed):
-    """Assert a better criterion and worst standard error than those of the paper's steady sine."""
+def test_beats_the_papers_motion_within_its_limits(designed):
+    """Assert smaller errors than the paper's sine at equal torque, and limits on wrong drives."""
     peak, duration = designed.prediction.peaks["torque"], designed.drive.experiment.duration
 
     def too_much(amplitude):
@@ -52,10 +163,6 @@ def test_beats_the_papers_motion_at_equal_torque(designed):
     other = predict(designed.drive, case, run)
     assert designed.prediction.worst < other.worst
     assert designed.prediction.e_deviation < other.e_deviation
-
-
-def test_limits_hold_on_wrong_drives(designed):
-    """Assert that no perturbed drive exceeds a limit, and that the tightest limit is reached."""
     uses = [extreme.value for extreme in designed.largest_use.values()]
     assert max(uses) <= 1.0
     assert max(uses) > 0.9
@@ -105,8 +212,9 @@ def test_command_writes_what_it_promises(flexid, tiny_drive, tmp_path):
     assert json.loads(other)["tones"] != document["tones"]
 
 
-def test_limits_that_leave_nothing(flexid, tiny_drive, tmp_path):
-    """Assert that limits which allow no motion give one sentence and status 2."""
+@pytest.mark.usefixtures("_one_start")
+def test_designs_that_fail(flexid, tiny_drive, tmp_path):
+    """Assert status 2 if limits allow no motion, and 1 if a coefficient stays undetermined."""
     offset = "motor_viscous_friction = 0.1\nmotor_offset_torque = 4.9"
     text = tiny_drive.read_text().replace("motor_viscous_friction = 0.1", offset)
     path = tmp_path / "offset.toml"
@@ -115,11 +223,6 @@ def test_limits_that_leave_nothing(flexid, tiny_drive, tmp_path):
     assert outcome.status == 2
     assert "limits.position" in outcome.stderr
     assert len(outcome.stderr.strip().splitlines()) == 1
-
-
-@pytest.mark.usefixtures("_one_start")
-def test_a_drive_too_small_to_tell(flexid, tiny_drive, tmp_path):
-    """Assert that a design that does not determine every coefficient exits with 1."""
     text = tiny_drive.read_text().replace("position_noise = 1e-4", "position_noise = 0.3")
     path = tmp_path / "noisy.toml"
     path.write_text(text)
@@ -143,15 +246,11 @@ TONES = waveform(duration=5.0, sample_time=1e-3, ramp=0.5, highest_frequency=30.
 WEIGHTS = np.random.default_rng(1).standard_normal(12)
 
 
-def test_begins_and_ends_at_rest():
-    """Assert that signal and rate vanish at both ends, and not in between."""
+def test_tones_are_whole_periods_between_rests():
+    """Assert rest at both ends, and different tones of whole periods up to the highest."""
     signal = TONES.signal(WEIGHTS)
     for values, none in ((signal, 1e-12), (np.diff(signal), 1e-3)):
         assert np.abs(values[[0, -1]]).max() < none * np.abs(values).max()
-
-
-def test_tones_are_whole_periods():
-    """Assert that tones differ, have whole periods, and reach the highest requested frequency."""
     periods = TONES.angular_frequencies * 5.0 / (2 * np.pi)
     np.testing.assert_allclose(periods, np.rint(periods), atol=1e-9)
     assert len(np.unique(np.rint(periods))) == 6
@@ -161,20 +260,11 @@ def test_tones_are_whole_periods():
 INFORMATION = np.diag([4.0, 100.0, 1e4])
 
 
-def test_e_is_the_worst_direction():
-    """Assert that E is one over the root of the smallest eigenvalue, in any orientation."""
+def test_the_criterion_is_the_worst_direction():
+    """Assert one over the root of the smallest eigenvalue, and a finite cost for the search."""
     turn, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))
     assert deviation(turn @ INFORMATION @ turn.T) == pytest.approx(0.5)
-
-
-def test_nothing_known_is_infinite_but_searchable():
-    """Assert that a singular matrix has infinite errors, and a finite cost for the search."""
+    assert smooth_cost(INFORMATION) == pytest.approx(np.log(0.5), abs=0.01)
     singular = np.diag([1.0, 0.0])
     assert np.isinf(deviation(singular))
     assert np.isfinite(smooth_cost(singular))
-
-
-def test_search_sees_the_criterion():
-    """Assert that the smooth cost is the logarithm of the error for separate eigenvalues."""
-    exact = np.log(deviation(INFORMATION))
-    assert smooth_cost(INFORMATION) == pytest.approx(exact, abs=0.01)

@@ -17,12 +17,6 @@ H = 1e-3
 TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 333.0, "alpha2": 0.33, "beta1": 3.3}
 CONVERGING, CONVERGED, NOT_EXCITED, INCONSISTENT, SENSOR_FAULT = range(5)
 
-SHIM = """
-#include "flexid_drive.h"
-unsigned size_of_state(void);
-unsigned size_of_state(void) { return (unsigned)sizeof(flexid_state); }
-"""
-
 
 class Drive:
     """An estimation in C with samples from Python."""
@@ -33,7 +27,7 @@ class Drive:
         self._c.flexid_checksum.restype = ctypes.c_uint32
         self._c.flexid_restore.restype = ctypes.c_bool
         self._c.flexid_restore.argtypes = [ctypes.c_void_p, ctypes.c_uint32]
-        self.state = ctypes.create_string_buffer(self._c.size_of_state())
+        self.state = ctypes.create_string_buffer(1 << 16)  # larger than a state
         self._c.flexid_init(self.state)
 
     def feed(self, samples: np.ndarray) -> list[int]:
@@ -64,10 +58,8 @@ class Drive:
 def built(folder: Path, *options: str, **settings: Any) -> Path:
     """Build an exported estimator as a library."""
     flexid.export("flexible-joint", to="c99", out=folder, sample_time=H, **settings)
-    (folder / "shim.c").write_text(SHIM)
-    sources = (folder / "flexid_drive.c", folder / "shim.c")
-    library = folder / "drive.so"
-    run(tool("gcc"), *STRICT, "-O2", *options, "-fPIC", "-shared", *sources, "-lm", "-o", library)
+    source, library = folder / "flexid_drive.c", folder / "drive.so"
+    run(tool("gcc"), *STRICT, "-O2", *options, "-fPIC", "-shared", source, "-lm", "-o", library)
     return library
 
 
@@ -155,17 +147,13 @@ def test_a_changed_drive_is_inconsistent(drive):
     assert INCONSISTENT in health[:2000]
 
 
-def test_a_rest_contradicts_nothing(drive):
-    """Assert that rest after convergence is no sign of a changed drive."""
+def test_rest_and_gaps_do_no_harm(drive):
+    """Assert that rest is no changed drive, and right estimates after gaps that restart filters."""
     noise = np.random.default_rng(5).normal(0.0, 1e-4, (10_000, 3)) * [1.0, 1.0, 0.0]
     estimation = drive()
     estimation.feed(measured(motion(6.0)) + noise[:6000])
     estimation.gap()
     assert set(estimation.feed(noise[6000:])[100:]) == {CONVERGED}
-
-
-def test_a_gap_brings_no_noise_of_its_own(drive):
-    """Assert that estimates after many gaps, each of which restarts the filter, stay right."""
     samples = measured(motion(12.0))
     noise = np.random.default_rng(4).normal(0.0, 1e-4, samples.shape) * [1.0, 1.0, 0.0]
     estimation = drive()

@@ -72,9 +72,7 @@ def test_second_process_needs_no_computer_algebra(tmp_path: Path) -> None:
     assert not list(tmp_path.glob("*.tmp"))
 
 
-def test_built_once_in_the_folder_that_is_named(
-    cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_built_once_in_the_folder_that_is_named(cache: Path, monkeypatch: Any) -> None:
     """Assert that a kernel is built once, in the folder that the environment names at the call."""
     built = []
 
@@ -91,17 +89,6 @@ def test_built_once_in_the_folder_that_is_named(
     monkeypatch.setenv(store.CACHE_VARIABLE, str(moved))
     store.load_kernel("there", ["x"], lambda: "THERE = True\n")
     assert len(list(cache.glob("*.py"))) == len(list(moved.glob("*.py"))) == 1
-
-
-def test_threads_find_whole_modules(cache: Path) -> None:
-    """Assert that a thread waits while another one imports the module."""
-    source = "import time\ntime.sleep(0.3)\nWHOLE = True\n"
-
-    def load(_: int) -> bool:
-        return bool(store.load_kernel("threads", ["x"], lambda: source).WHOLE)
-
-    with ThreadPoolExecutor(4) as pool:
-        assert all(pool.map(load, range(4)))
 
 
 def test_another_recipe_is_another_kernel(cache: Path) -> None:
@@ -131,9 +118,7 @@ def test_changed_generator_derives_anew_but_compiles_only_what_differs(
     assert len(list(cache.glob("*.py"))) == 2
 
 
-def test_what_cannot_be_saved_is_compiled_all_the_same(
-    cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_saved_is_compiled_all_the_same(cache: Path, monkeypatch: Any) -> None:
     """Assert that a full disk does not prevent compilation."""
 
     def full(*_: object) -> None:
@@ -162,18 +147,6 @@ def test_compiling_is_announced_once(cache: Path, caplog: pytest.LogCaptureFixtu
     assert not caplog.records
 
 
-def test_failed_build_leaves_nothing(cache: Path) -> None:
-    """Assert that a failed build leaves neither a file nor a module."""
-
-    def build() -> str:
-        raise ValueError("no source")
-
-    with pytest.raises(ValueError, match="no source"):
-        store.load_kernel("broken", ["fails"], build)
-    assert {file.suffix for file in cache.rglob("*.*")} == {".lock"}
-    assert not [name for name in sys.modules if name.startswith("flexid_broken_")]
-
-
 KERNEL = """
 from numba import njit
 
@@ -183,8 +156,16 @@ def double(x):
 """
 
 
-def test_damaged_files_are_made_anew(cache: Path) -> None:
-    """Assert that an empty index is rebuilt, and that temporary files of others are kept."""
+def test_failed_and_damaged_builds(cache: Path) -> None:
+    """Assert that a failed build leaves nothing, and that an empty index alone is rebuilt."""
+
+    def build() -> str:
+        raise ValueError("no source")
+
+    with pytest.raises(ValueError, match="no source"):
+        store.load_kernel("broken", ["fails"], build)
+    assert {file.suffix for file in cache.rglob("*.*")} == {".lock"}
+    assert not [name for name in sys.modules if name.startswith("flexid_broken_")]
     kernel = store.load_kernel("damage", ["x"], lambda: KERNEL)
     assert kernel.double(2) == 4
     begun = cache / "__pycache__" / f"{kernel.__name__}.double-5.py311.2.nbc.tmp.0123"
@@ -201,26 +182,18 @@ def no_locks(*_: object) -> None:
     raise NotImplementedError("no locks here")
 
 
-@pytest.mark.parametrize(
-    ("task", "place", "broken", "by", "words"),
-    [
-        ("new", "file/cache", "", None, r"file/cache cannot be written .*FLEXID_CACHE_DIR"),
-        # Existing kernels are not loaded either if numba cannot save.
-        ("here", "", "os.access", lambda *_: False, r"cannot be written \(Permission denied\)"),
-        ("new", "", "filelock.FileLock.acquire", no_locks, r"cannot be written \(no locks here\)"),
-    ],
-    ids=["no folder", "only to be read", "no locks"],
-)
-def test_a_cache_that_cannot_be_used_is_refused(
-    cache: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    task: str,
-    place: str,
-    broken: str,
-    by: Any,
-    words: str,
-) -> None:
+UNUSABLE: dict[str, tuple[str, str, str, Any, str]] = {
+    "no folder": ("new", "file/cache", "", None, r"file/cache cannot .*FLEXID_CACHE_DIR"),
+    # Existing kernels are not loaded either if numba cannot save.
+    "only to be read": ("here", "", "os.access", lambda *_: False, r"\(Permission denied\)"),
+    "no locks": ("new", "", "filelock.FileLock.acquire", no_locks, r"\(no locks here\)"),
+}
+
+
+@pytest.mark.parametrize("case", UNUSABLE)
+def test_a_cache_that_cannot_be_used_is_refused(cache: Path, monkeypatch: Any, case: str) -> None:
     """Assert that an unusable cache is refused, with the folder and the remedy."""
+    task, place, broken, by, words = UNUSABLE[case]
     forget(store.load_kernel("here", ["x"], lambda: KERNEL))
     (cache / "file").write_text("")
     monkeypatch.setenv(store.CACHE_VARIABLE, str(cache / place))
@@ -253,8 +226,15 @@ def test_an_index_may_name_a_kernel_that_is_not_loaded(cache: Path) -> None:
     assert again.total(again.Pair(1.0, 3.0)) == 4.0
 
 
-def test_who_compiles_waits_for_who_writes(cache: Path) -> None:
-    """Assert that nothing is saved while another process has the kernel's lock."""
+def test_threads_wait_for_each_other(cache: Path) -> None:
+    """Assert that a thread waits for an import by another, and for the lock of a kernel."""
+    source = "import time\ntime.sleep(0.3)\nWHOLE = True\n"
+
+    def load(_: int) -> bool:
+        return bool(store.load_kernel("threads", ["x"], lambda: source).WHOLE)
+
+    with ThreadPoolExecutor(4) as pool:
+        assert all(pool.map(load, range(4)))
     kernel = store.load_kernel("waiting", ["x"], lambda: KERNEL)
     lock = FileLock(Path(str(kernel.__file__)).with_suffix(".lock"))
     with ThreadPoolExecutor(1) as pool:
@@ -297,9 +277,7 @@ def generated(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     return found
 
 
-def test_shipped_sources_are_those_that_are_generated(
-    generated: dict[str, str], request: pytest.FixtureRequest
-) -> None:
+def test_shipped_sources_are_those_that_are_generated(generated: dict[str, str], request: Any):
     """Assert that shipped files equal the generated ones; --update-golden writes them."""
     if request.config.getoption("--update-golden"):
         FOLDER.mkdir(exist_ok=True)

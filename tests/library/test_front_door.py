@@ -1,16 +1,19 @@
-"""Names offered by `import flexid`: loaded on use, typed, documented, consistent with commands."""
+"""Names of `import flexid`: loaded on use, typed, documented; one thread during a call."""
 
 import ast
 import inspect
+import os
 import pkgutil
 import re
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 
 import flexid
+from flexid.library.arguments import one_thread
 
 HOMES: dict[str, str] = vars(flexid)["_MODULES"]
 NAMES: list[str] = vars(flexid)["__all__"]
@@ -34,13 +37,6 @@ def test_importing_loads_nothing():
     assert not HEAVY & set(done.stdout.split())
 
 
-def test_every_name_is_there_and_listed():
-    """Assert that each name is available, and offered by completion."""
-    for name in NAMES:
-        assert getattr(flexid, name) is not None
-    assert set(NAMES) <= set(dir(flexid))
-
-
 def test_types_and_run_time_agree():
     """Assert that each import of the stub exists at run time."""
     (package,) = flexid.__path__
@@ -56,14 +52,13 @@ def test_types_and_run_time_agree():
     assert (Path(package) / "py.typed").exists()
 
 
-def test_no_module_shadows_a_name():
-    """Assert that no imported module hides a function."""
+def test_names_of_the_package():
+    """Assert that names are listed and no module hides one, and an answer to a misspelt one."""
+    for name in NAMES:
+        assert getattr(flexid, name) is not None
+    assert set(NAMES) <= set(dir(flexid))
     modules = {module.name for module in pkgutil.iter_modules(flexid.__path__)}
     assert not modules & set(NAMES)
-
-
-def test_a_misspelt_name_is_answered():
-    """Assert that Python proposes the nearest name."""
     with pytest.raises(AttributeError, match="identfy") as caught:
         getattr(flexid, "identfy")  # noqa: B009
     assert caught.value.name == "identfy"
@@ -102,3 +97,83 @@ def documented(docstring):
     indent = min(len(blanks) for blanks, _ in heads)
     lists = (names for blanks, names in heads if len(blanks) == indent)
     return {name.strip().lstrip("*") for names in lists for name in names.split(",")}
+
+
+REPORT = """
+import sys
+import threadpoolctl
+import scipy.linalg
+
+def counts():
+    return {p["num_threads"] for p in threadpoolctl.threadpool_info() if p["user_api"] == "blas"}
+
+import flexid.identification.identify as module
+
+def seen(logs, *_):
+    print(*counts())
+    raise flexid.SettingError("stop", "here")
+
+import flexid
+module.identify = seen
+before = counts()
+try:
+    RUN
+except (flexid.SettingError, SystemExit):
+    pass
+print("as before" if counts() == before else "changed")
+"""
+
+CALLS = {
+    "library": "flexid.identify(sys.argv[1])",
+    "command": "sys.argv[1:1] = ['identify']; from flexid.cli.main import main; main()",
+}
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_whoever_calls_gets_one_thread(examples, call):
+    """Assert that a call uses one thread, with two for other code."""
+    others = {name: value for name, value in os.environ.items() if name != "OMP_NUM_THREADS"}
+    script = REPORT.replace("RUN", CALLS[call])
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(examples / "flexible_joint.csv")],
+        env=others | {"OPENBLAS_NUM_THREADS": "2"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.split() == ["1", "as", "before"]
+
+
+class Limits:
+    """Stand-in for the library that limits threads, with a count of calls."""
+
+    made = 0
+    restored = 0
+
+    def __init__(self, limits, user_api):
+        assert (limits, user_api) == (1, "blas")
+        type(self).made += 1
+
+    def restore_original_limits(self):
+        """Count the call."""
+        type(self).restored += 1
+
+
+def test_calls_at_once_share_a_limit(monkeypatch):
+    """Assert that overlapping calls share one limit, removed by the last to end."""
+    monkeypatch.setattr("threadpoolctl.threadpool_limits", Limits)
+    first_is_in, second_is_in = threading.Event(), threading.Event()
+
+    def first():
+        with one_thread():
+            first_is_in.set()
+            second_is_in.wait()
+
+    thread = threading.Thread(target=first)
+    thread.start()
+    first_is_in.wait()
+    with one_thread():
+        second_is_in.set()
+        thread.join()
+        assert (Limits.made, Limits.restored) == (1, 0)
+    assert (Limits.made, Limits.restored) == (1, 1)

@@ -9,8 +9,6 @@ A comment before a block, which the rendered page does not show, leaves the bloc
     <!-- not run: takes a minute -->
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path

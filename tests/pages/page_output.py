@@ -1,7 +1,5 @@
 """Comparison of printed output with that shown on a page."""
 
-from __future__ import annotations
-
 import re
 
 _NUMBER = re.compile(r"[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")

@@ -1,7 +1,5 @@
 """Run the blocks of a page in order, as a reader would."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import os

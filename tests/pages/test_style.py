@@ -1,7 +1,5 @@
 """The style of manual and code: wrapped lines, short sentences, and standard words."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

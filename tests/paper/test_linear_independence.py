@@ -25,18 +25,14 @@ def condition_number(amplitude: float, second_tone: float = 0.0) -> float:
     return excitation("link", ("theta1", "theta2"), basis).condition_number
 
 
-def test_printed_12_does_not_follow_from_dependence() -> None:
-    """Assert that eq. (12) integrates x2' = -K sin x1 over x1 (dx2/dx1) instead of over time."""
+def test_what_follows_from_dependence() -> None:
+    """Assert a free pendulum, and not eq. (12), which integrates over x1 instead of over time."""
     time, factor = sp.symbols("t K")
     x1 = sp.Function("x1")(time)
     x2 = x1.diff(time)
     printed = factor * sp.cos(x1)
     assert sp.expand(printed.diff(time) - (-factor * sp.sin(x1) * x2)) == 0
     assert sp.expand(printed.diff(time) - (-factor * sp.sin(x1))) != 0
-
-
-def test_dependence_makes_the_link_a_free_pendulum() -> None:
-    """Assert that x1 - x3 = a sin x1 leaves x2' = -(theta1 + a theta2) sin x1 of the link's row."""
     x1, x3, a, gravity, spring = sp.symbols("x1 x3 a theta1 theta2")
     row = -gravity * sp.sin(x1) - spring * (x1 - x3)
     dependent = row.subs(x3, x1 - a * sp.sin(x1))
@@ -44,17 +40,13 @@ def test_dependence_makes_the_link_a_free_pendulum() -> None:
 
 
 def test_a_sinusoid_is_no_pendulum_motion() -> None:
-    """Assert that A sin wt does not solve x1'' = -K sin x1: a third harmonic A^3/24 K remains."""
+    """Assert a third harmonic A^3/24 K, and along a sine an odd deflection and an even x4."""
     phase = sp.Symbol("s", real=True)
     amplitude, factor, w = sp.symbols("A K w", positive=True)
     motion = amplitude * sp.sin(phase)
     residual = -(w**2) * motion + factor * (motion - motion**3 / 6)  # sin x1 to third order
     harmonic = sp.integrate(sp.expand(residual * sp.sin(3 * phase)), (phase, 0, 2 * sp.pi)) / sp.pi
     assert sp.simplify(harmonic - factor * amplitude**3 / 24) == 0
-
-
-def test_deflection_and_motor_velocity_differ_in_parity() -> None:
-    """Assert that along x1 = A sin wt the deflection is odd in time and x4 even."""
     time = sp.Symbol("t", real=True)
     amplitude, w, gravity, spring = sp.symbols("A w theta1 theta2", positive=True)
     x1 = amplitude * sp.sin(w * time)

@@ -23,75 +23,62 @@ rates = (x2, theta.dot(f), x4, alpha.dot(phi) + beta1 * u)
 # Eq. (5): terms added to y and z.
 link_immersion = sp.Matrix([-c1 * x2 * sp.sin(x1), -c1 * (x1 - x3) * x2])
 motor_immersion = sp.Matrix([c2 * (x1 - x3) * x4, -c2 * x4**2 / 2])
+ROWS = (
+    (c1, f, theta_hat - theta, link_immersion),
+    (c2, phi, alpha_hat - alpha, motor_immersion),
+)
+
+# The sums of eq. (3) times c1 and c2: rates of the immersions without the row's acceleration.
+SUMS = [immersion.jacobian([x1, x3]) * sp.Matrix([x2, x4]) for *_, immersion in ROWS]
 
 
-def along_motion(expression: sp.Matrix) -> sp.Matrix:
-    """Return the time derivative of a function of the state along eq. (4)."""
-    return expression.jacobian(states) * sp.Matrix(rates)
+def beyond_7(given: list[sp.Matrix]) -> list[sp.Matrix]:
+    """Return the rates of both estimates by eq. (5) and given y', z', minus those by eq. (7)."""
+    return [
+        (rate + immersion.jacobian(states) * sp.Matrix(rates) + gain * r * (r.T * error)).expand()
+        for rate, (gain, r, error, immersion) in zip(given, ROWS, strict=True)
+    ]
 
 
-def link_error_rate(y_rate: sp.Matrix) -> sp.Matrix:
-    """Return the rate of theta-hat by eq. (5) and a given y', minus the rate by eq. (7)."""
-    wanted = -c1 * f * (f.T * (theta_hat - theta))
-    return (y_rate + along_motion(link_immersion) - wanted).applyfunc(sp.expand)
-
-
-def motor_error_rate(z_rate: sp.Matrix) -> sp.Matrix:
-    """Return the rate of alpha-hat by eq. (5) and a given z', minus the rate by eq. (7)."""
-    wanted = -c2 * phi * (phi.T * (alpha_hat - alpha))
-    return (z_rate + along_motion(motor_immersion) - wanted).applyfunc(sp.expand)
-
-
-zero = sp.zeros(2, 1)
+zero = [sp.zeros(2, 1)] * 2
 s = theta_hat[0] * sp.sin(x1) + theta_hat[1] * (x1 - x3)
 r = alpha_hat[0] * (x1 - x3) - alpha_hat[1] * x4 + beta1 * u
 
-# The sums of eq. (3) times c1 and c2: rates of the immersions without the row's acceleration.
-link_cancelling = link_immersion.jacobian([x1, x3]) * sp.Matrix([x2, x4])
-motor_cancelling = motor_immersion.jacobian([x1, x3]) * sp.Matrix([x2, x4])
 
-
-def equation_3(sign: int) -> tuple[sp.Matrix, sp.Matrix]:
+def equation_3(sign: int) -> list[sp.Matrix]:
     """Return y' and z' of eq. (3) with the given sign before the sums."""
-    return (
-        -c1 * theta_hat.dot(f) * f - sign * link_cancelling,
-        -c2 * (alpha_hat.dot(phi) + beta1 * u) * phi - sign * motor_cancelling,
-    )
+    y_rate = -c1 * theta_hat.dot(f) * f
+    z_rate = -c2 * (alpha_hat.dot(phi) + beta1 * u) * phi
+    return [y_rate - sign * SUMS[0], z_rate - sign * SUMS[1]]
 
 
-def equation_6(link_gain: sp.Expr, motor_gain: sp.Expr) -> tuple[sp.Matrix, sp.Matrix]:
+def equation_6(link_gain: sp.Expr, motor_gain: sp.Expr) -> list[sp.Matrix]:
     """Return y' and z' of eq. (6), its second terms multiplied by the given factors."""
-    y_rate = sp.Matrix(
-        [
-            -c1 * sp.sin(x1) * s - link_gain * sp.cos(x1) * x2**2,
-            -c1 * (x1 - x3) * s - link_gain * (x2 - x4) * x2,
-        ]
-    )
-    z_rate = sp.Matrix([-c2 * (x1 - x3) * r + motor_gain * (x2 - x4) * x4, c2 * x4 * r])
-    return y_rate, z_rate
+    first = -c1 * sp.sin(x1) * s - link_gain * sp.cos(x1) * x2**2
+    second = -c1 * (x1 - x3) * s - link_gain * (x2 - x4) * x2
+    third = -c2 * (x1 - x3) * r + motor_gain * (x2 - x4) * x4
+    return [sp.Matrix([first, second]), sp.Matrix([third, c2 * x4 * r])]
 
 
 @pytest.mark.parametrize(
-    "rates", [equation_3(sign=+1), equation_6(link_gain=-c1, motor_gain=-c2)], ids=["(3)", "(6)"]
+    "given", [equation_3(sign=+1), equation_6(link_gain=-c1, motor_gain=-c2)], ids=["(3)", "(6)"]
 )
-def test_what_gives_7(rates: tuple[sp.Matrix, sp.Matrix]) -> None:
+def test_what_gives_7(given: list[sp.Matrix]) -> None:
     """Assert that a plus before the sums of (3), or brackets in (6), gives (7) for any c1, c2."""
-    assert link_error_rate(rates[0]) == zero
-    assert motor_error_rate(rates[1]) == zero
+    assert beyond_7(given) == zero
 
 
 def test_minus_before_the_sum_in_3_leaves_twice_the_sum() -> None:
     """Assert that eq. (3) as printed, with a minus sign, differs from eq. (7) by twice the sums."""
-    y_rate, z_rate = equation_3(sign=-1)
-    assert link_error_rate(y_rate) == (2 * link_cancelling).applyfunc(sp.expand) != zero
-    assert motor_error_rate(z_rate) == (2 * motor_cancelling).applyfunc(sp.expand) != zero
+    assert beyond_7(equation_3(sign=-1)) == [(2 * one).expand() for one in SUMS]
+    assert all(one != zero[0] for one in SUMS)
 
 
 @pytest.mark.parametrize("gain", [sp.Rational(1, 2), sp.Integer(1), sp.Integer(3)])
 def test_6_as_printed_is_wrong_for_every_gain(gain: sp.Expr) -> None:
     """Assert that without brackets eq. (6) differs from (7) by (1 + c) times its second terms."""
-    y_rate, z_rate = equation_6(link_gain=sp.Integer(1), motor_gain=sp.Integer(1))
+    found = beyond_7(equation_6(link_gain=sp.Integer(1), motor_gain=sp.Integer(1)))
     link_miss = sp.Matrix([sp.cos(x1) * x2**2, (x2 - x4) * x2]) * -(1 + gain)
     motor_miss = sp.Matrix([(x2 - x4) * x4, 0]) * (1 + gain)
-    assert link_error_rate(y_rate).subs(c1, gain) == link_miss.applyfunc(sp.expand)
-    assert motor_error_rate(z_rate).subs(c2, gain) == motor_miss.applyfunc(sp.expand)
+    assert found[0].subs(c1, gain) == link_miss.expand()
+    assert found[1].subs(c2, gain) == motor_miss.expand()

@@ -23,14 +23,10 @@ def test_a_format(one: Format):
     assert all(looks_like(magic + b"more") == one for magic in one.magic)
 
 
-def test_text():
-    """Assert that other files are text."""
+def test_what_is_no_format(tmp_path: Path):
+    """Assert that other files are text, and that a folder has the format of the bags in it."""
     assert format_of(Path("log.csv")) is None
     assert looks_like(b"time,motor_position\n") is None
-
-
-def test_a_folder(tmp_path: Path):
-    """Assert that a folder has the format of the bags in it."""
     assert format_of(tmp_path) is None
     (tmp_path / "a.db3").write_bytes(b"")
     found = format_of(tmp_path)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 import pytest
@@ -82,9 +83,7 @@ def test_one_function_and_one_line(reader: Readers):
     ],
     ids=lambda value: value[:30],
 )
-def test_what_a_reader_may_do(
-    reader: Readers, body: str, words: str, monkeypatch: pytest.MonkeyPatch
-):
+def test_what_a_reader_may_do(reader: Readers, body: str, words: str, monkeypatch: Any):
     """Assert that a crash, excessive memory, a hang and an error give one sentence."""
     if words == "the limit of memory or time":  # a hang, stopped after the time limit
         monkeypatch.setattr(guard, "LIMITS", guard.LIMITS._replace(silence=1.0, processor=1.0))
@@ -132,22 +131,19 @@ def test_a_child_ends_with_its_reading(reader: Readers):
     tables.close()
 
 
-def test_modules_beside_a_log_are_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_modules_beside_a_log_are_not_run(here: Path):
     """Assert that modules in the folder of a log are not imported."""
-    pl.DataFrame({"time": [0.0], "motor_position": [0.0]}).write_parquet(tmp_path / "a.parquet")
-    (tmp_path / "json.py").write_text("open('was_run', 'w')")
-    monkeypatch.chdir(tmp_path)
+    pl.DataFrame({"time": [0.0], "motor_position": [0.0]}).write_parquet(here / "a.parquet")
+    (here / "json.py").write_text("open('was_run', 'w')")
     Reading(Path("a.parquet")).close()
-    assert not (tmp_path / "was_run").exists()
+    assert not (here / "was_run").exists()
 
 
 @pytest.mark.parametrize(
     ("package", "name", "extra"),
     [("h5py", "a.h5", "hdf5"), ("asammdf", "a.mf4", "mdf"), ("rosbags", "a.bag", "ros")],
 )
-def test_without_a_package(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, package: str, name: str, extra: str
-):
+def test_without_a_package(tmp_path: Path, monkeypatch: Any, package: str, name: str, extra: str):
     """Assert that a missing library is reported with its extra."""
     stub = f"raise ModuleNotFoundError('no', name={package!r})"
     (tmp_path / f"{package}.py").write_text(stub)

@@ -1,6 +1,5 @@
 """A small synthetic log, functions that write and read it, and messages of refusal."""
 
-import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -89,11 +88,6 @@ def shown(recording: Recording) -> str:
     grid = f"{len(recording)} samples from {begin:.6g} s in steps of {step:.6g} s"
     channels = [f"{name} {size:.5g}" for name, size in sizes.items()]
     return ", ".join([f"<{grid}", *channels, f"{recording.input_unit}>"])
-
-
-def assert_words(words: str, message: str) -> None:
-    """Assert that a message matches a pattern."""
-    assert re.search(words, message), message
 
 
 def assert_equal_logs(one: Log, other: Log, rtol: float = 0.0) -> None:

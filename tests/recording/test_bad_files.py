@@ -2,14 +2,14 @@
 
 import gzip
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
-import pytest
-from joint_log import assert_words, csv_text, joint_columns, refused, said, without, written
+from joint_log import csv_text, joint_columns, refused, said, without, written
 
 from flexid.recording import read_log, recording, series
 from flexid.streaming.incoming import Replay
@@ -38,11 +38,6 @@ def header(old: str, new: str) -> Edit:
 def line(number: int, *texts: str) -> Edit:
     """Replace one line, counted from 1, by others."""
     return lambda lines: [*lines[: number - 1], *texts, *lines[number:]]
-
-
-def added(number: int, *texts: str) -> Edit:
-    """Insert lines before one, counted from 1."""
-    return lambda lines: [*lines[: number - 1], *texts, *lines[number - 1 :]]
 
 
 def clocked(step: int) -> Edit:
@@ -86,7 +81,7 @@ TEXTS: dict[str, Edit] = {
     "a word": cell(9, 1, "oops"),
     "a word in the first row": cell(2, 0, "s"),
     "a stamp among numbers": cell(9, 0, "2024-05-01 12:00:00.5"),
-    "a time twice": added(32, f"{LINES[30].rpartition(',')[0]},7"),
+    "a time twice": line(32, f"{LINES[30].rpartition(',')[0]},7", LINES[31]),
     "a time that runs back": lambda lines: [*lines[:30], *lines[10:]],
     "a short row": line(10, "0.04,1.0"),
     "a short second row": line(3, "0.04,1.0"),
@@ -100,7 +95,9 @@ TEXTS: dict[str, Edit] = {
     "text behind a quotation": cell(9, 1, '"1"0'),
     "an open quotation in the header": header("time", '"time'),
     "comments alone": lambda lines: ["# " + one for one in lines],
-    "two units": lambda t: added(2, "ms,rad,rad,rad/s,rad/s,Nm")(header("time", "time [s]")(t)),
+    "two units": lambda t: line(2, "ms,rad,rad,rad/s,rad/s,Nm", t[1])(
+        header("time", "time [s]")(t)
+    ),
     "many columns": lambda lines: [lines[0] + MORE, *(one + THRICE for one in lines[1:4])],
     "a long line": lambda lines: [",".join(lines) * 300],
     "numbers of samples": clocked(1),
@@ -128,19 +125,15 @@ BYTES: dict[str, tuple[str, bytes]] = {
 }
 
 
-def test_bad_files(tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bad_files(here: Path, golden: Any) -> None:
     """Assert that each is refused with the place and the remedy."""
-    monkeypatch.chdir(tmp_path)
     edited = {n: ("log.csv", ("\n".join(edit(LINES)) + "\n").encode()) for n, edit in TEXTS.items()}
     files = {**edited, **BYTES}
     golden({n: said(read_log, written(Path(), raw, name=p)) for n, (p, raw) in files.items()})
 
 
-def test_paths_that_lead_to_no_file(
-    tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_paths_that_lead_to_no_file(here: Path, golden: Any) -> None:
     """Assert that broken links, pipes, folders and impossible names are refused as such."""
-    monkeypatch.chdir(tmp_path)
     for name, other in {"dead.csv": "none.csv", "a.csv": "b.csv", "b.csv": "a.csv"}.items():
         Path(name).symlink_to(other)
     os.mkfifo("pipe.csv")
@@ -154,14 +147,11 @@ def test_huge_file(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     with path.open("wb") as file:
         file.truncate(1_000_000_000)  # a sparse file: no block is written
-    assert_words("larger than 500 MB, the most that is read.*cut the log", refused(read_log, path))
+    assert re.search("larger than 500 MB, the most that is.*cut the log", refused(read_log, path))
 
 
-def test_tables_of_more_than_memory_holds(
-    tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_tables_of_more_than_memory_holds(here: Path, golden: Any, monkeypatch: Any) -> None:
     """Assert that too many columns, cells or rows are refused before they are unpacked."""
-    monkeypatch.chdir(tmp_path)
     more = {f"c{k}": np.zeros(50) for k in range(10_000)}
     pl.DataFrame({**joint_columns(50), **more}).write_parquet("wide.parquet")
     pl.read_parquet("wide.parquet").write_csv("wide.csv")

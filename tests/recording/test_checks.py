@@ -1,6 +1,6 @@
-"""Logs with implausible channels: refused, corrected or read with a warning."""
+"""Logs with implausible channels, signs or sides: refused, corrected or read with a warning."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -8,7 +8,10 @@ import pytest
 from joint_log import joint_columns, read_columns, refused, said, without
 
 from flexid.arrays import FloatArray
+from flexid.errors import RecordingError
+from flexid.identification.preparation.recordings import check_alike
 from flexid.recording import Log
+from flexid.recording.recording import rank_of
 
 Columns = dict[str, FloatArray]
 DEGREES = 180.0 / np.pi
@@ -150,13 +153,6 @@ def test_wraps_in_front_of_a_gear_are_undone(name: str) -> None:
     assert any("jumps by a turn at " in warning for warning in log.warnings)
 
 
-def test_a_counter_of_unknown_turns_is_named() -> None:
-    """Assert a warning of a position that jumps across its range, if no gear ratio is stated."""
-    encoder, entry = ENCODERS["a turn"]
-    log = geared(encoder, {**entry, "scale": "1/200"})
-    assert any("jumps by more than half of its range" in warning for warning in log.warnings)
-
-
 @pytest.mark.parametrize("displaced", [0.6, 0.7, 0.8, 1.0])
 def test_a_pause_is_no_wrap(displaced: float) -> None:
     """Assert that a motor that moved during a pause, before a gear, is read unchanged."""
@@ -170,17 +166,161 @@ def test_a_pause_is_no_wrap(displaced: float) -> None:
     np.testing.assert_allclose(read, motor, atol=1e-9)
 
 
-def test_a_link_that_is_held_is_read_with_a_stated_ratio() -> None:
-    """Assert that a motor moving 99 times as far is read if the map states a ratio of 1."""
+def test_what_encoders_do_not_show() -> None:
+    """Assert a warning without a gear ratio, the stated one of a held link, and equal turns."""
+    encoder, entry = ENCODERS["a turn"]
+    log = geared(encoder, {**entry, "scale": "1/200"})
+    assert any("jumps by more than half of its range" in warning for warning in log.warnings)
     columns = changed("velocity", link_position=0.01)
     log = read_columns(columns, {"gear_ratio": 1})
     np.testing.assert_array_equal(log.recordings[0].motor_position, columns["motor_position"])
     assert "as if by a gear" in refused(read_columns, columns)
-
-
-def test_turns_that_an_encoder_does_not_know() -> None:
-    """Assert that encoders that start on either side of zero do not differ by a turn."""
     motion, bent = 4.0 * np.sin(1.5 * SLOW), 0.02 * np.cos(4.0 * SLOW)
     columns = joint(np.mod(motion + bent, TURN), np.mod(motion - 0.01, TURN))
     (recording,) = read_columns(columns).recordings
     np.testing.assert_allclose(recording.deflection, 0.01 + bent, atol=1e-9)
+
+
+# The motion follows from the link's, q, a sum of sines. Without friction of the link,
+# theta = q + J q'' / k and u = M theta'' + J q'' + f theta'.
+J, M, K, F = 0.4, 0.3, 600.0, 0.5  # kg m², kg m², N m/rad, N m s/rad
+ANTIRESONANCE, RESONANCE = (K / J) ** 0.5, (K / J + K / M) ** 0.5  # rad/s
+LOW = (2.0, 5.3, 9.1, 14.7)
+BETWEEN = (1.15 * ANTIRESONANCE,)  # between antiresonance and resonance
+BEYOND = (0.98 * RESONANCE, 1.1 * RESONANCE)
+RESOLUTION = 1e-6  # rad, resolution of both encoders
+CLOCK: FloatArray = 1e-3 * np.arange(8000.0)
+
+
+def driven(*frequencies: float, inertia: float = M) -> dict[str, FloatArray]:
+    """Return a joint whose link swings at these frequencies (rad/s) with 1 rad/s each."""
+    waves = [(w, np.exp(1j * (w * CLOCK + k)) / w) for k, w in enumerate(frequencies)]
+
+    def summed(factor: Any) -> FloatArray:
+        return np.sum([(factor(1j * w) * wave).imag for w, wave in waves], axis=0)
+
+    link = summed(lambda s: s**0)
+    motor = summed(lambda s: 1.0 + J * s**2 / K)
+    torque = summed(lambda s: (inertia * s**2 + F * s) * (1.0 + J * s**2 / K) + J * s**2)
+    link, motor = (RESOLUTION * np.rint(values / RESOLUTION) for values in (link, motor))
+    return {"time": CLOCK, "link_position": link, "motor_position": motor, "motor_torque": torque}
+
+
+def with_deflection(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return the log with a deflection sensor in place of the link's encoder."""
+    deflection = columns["link_position"] - columns["motor_position"]
+    return without(columns, "link") | {"deflection": deflection}
+
+
+def let_down() -> dict[str, FloatArray]:
+    """Return a load lowered from a quarter of a turn, which returns its energy."""
+    angle = 0.75 * (1.0 + np.cos(np.pi * CLOCK / CLOCK[-1])) + 0.02 * np.sin(9.0 * CLOCK)
+    acceleration = np.gradient(np.gradient(angle, CLOCK), CLOCK)
+    torque = J * acceleration + 5.0 * np.sin(angle)
+    assert torque[:-1] @ np.diff(angle) < 0.0
+    return {"time": CLOCK, "motor_position": angle, "motor_torque": torque}
+
+
+def pushed() -> dict[str, FloatArray]:
+    """Return a pushed link, whose spring moves a motor without friction under a small torque."""
+    motor = np.array([np.sin(w * CLOCK + k) / w for k, w in enumerate(LOW)])
+    torque = 0.01 * np.sin(3.7 * CLOCK)
+    link = (1.0 - M * np.square(LOW) / K) @ motor - torque / K
+    link, motor = (
+        RESOLUTION * np.rint(values / RESOLUTION) for values in (link, motor.sum(axis=0))
+    )
+    return {"time": CLOCK, "link_position": link, "motor_position": motor, "motor_torque": torque}
+
+
+RIGHT: Mapping[str, Mapping[str, FloatArray]] = {
+    "two encoders": driven(*LOW),
+    "a deflection": with_deflection(driven(*LOW)),
+    "one encoder": without(driven(*LOW), "link"),
+    "sides that move against each other": driven(*BEYOND),
+    "sides that move as far against each other": driven(
+        *(ANTIRESONANCE * 2.0**0.5 * np.linspace(0.95, 1.05, 5)), inertia=J
+    ),
+    "a deflection of such": with_deflection(driven(*BEYOND)),
+    "a load that pulls against the torque": without(driven(*BETWEEN), "link"),
+    "a load that is let down": let_down(),
+    "a link that is pushed": pushed(),
+}
+
+
+@pytest.mark.parametrize("case", RIGHT)
+def test_what_is_right_is_not_turned(case: str) -> None:
+    """Assert that right signs and sides cause no warning."""
+    log = read_columns(RIGHT[case])
+    assert not any("the other sign" in w or "exchange" in w for w in log.warnings)
+
+
+@pytest.mark.parametrize(
+    ("case", "counted", "told"),
+    [
+        ("two encoders", ("link_position",), ("link_position",)),
+        ("two encoders", ("motor_torque",), ("motor_torque",)),
+        ("two encoders", ("link_position", "motor_torque"), ("link_position", "motor_torque")),
+        ("a deflection", ("deflection",), ("deflection",)),
+        ("a deflection", ("deflection", "motor_torque"), ("deflection", "motor_torque")),
+        ("one encoder", ("motor_torque",), ("motor_torque",)),
+        ("a deflection of such", ("deflection",), ("deflection",)),
+    ],
+)
+def test_a_wrong_sign_is_turned(case: str, counted: tuple[str, ...], told: tuple[str, ...]) -> None:
+    """Assert that a channel with the wrong sign is reversed, with a warning."""
+    right = read_columns(RIGHT[case])
+    turned = read_columns({n: -v if n in counted else v for n, v in RIGHT[case].items()})
+    for one, own in zip(turned.recordings, right.recordings, strict=True):
+        np.testing.assert_array_equal(one.motor_position, own.motor_position)
+        np.testing.assert_array_equal(one.input, own.input)
+        if one.link_position is not None and own.link_position is not None:
+            np.testing.assert_allclose(one.link_position, own.link_position, atol=1e-12)
+    said = [warning for warning in turned.warnings if "the other sign" in warning]
+    assert len(said) == len(told)
+    for name, warning in zip(told, said, strict=True):
+        assert f"{name} was taken with the other sign" in warning
+        assert "scale = -1" in warning
+        assert rank_of(warning).name == "SCALE"
+        assert turned.columns[name].factor == -right.columns[name].factor
+
+
+def test_a_reversed_link_takes_its_velocity_along_if_that_is_reversed() -> None:
+    """Assert that a velocity gets the sign of its position's derivative."""
+    right = driven(*LOW)
+    speed = np.gradient(right["link_position"], CLOCK)
+    for sign in (1.0, -1.0):
+        counted = {"link_position": -right["link_position"], "link_velocity": sign * speed}
+        log = read_columns(right | counted)
+        assert ("link_velocity" in log.turned) == (sign < 0.0)
+        found = log.recordings[0].link_velocity
+        assert found is not None
+        np.testing.assert_allclose(found, speed, atol=1e-9)
+
+
+def test_signs_with_rest_and_wraps() -> None:
+    """Assert that the moving recording decides, and that turns are subtracted after the sign."""
+    right = driven(*LOW)
+    time = np.concatenate((CLOCK, 20.0 + 1e-3 * np.arange(12000.0)))
+    rest = {n: np.concatenate((v, np.full(12000, v[-1]))) for n, v in right.items()}
+    log = read_columns(rest | {"time": time, "motor_torque": -rest["motor_torque"]})
+    assert len(log.recordings) == 2
+    assert log.turned == ("motor_torque",)
+    right = driven(0.3, *LOW)
+    link = right["link_position"] + 2.5
+    wrapped = np.angle(np.exp(-1j * link))
+    log = read_columns(
+        right | {"link_position": wrapped, "motor_position": right["motor_position"] + 2.5}
+    )
+    assert "link_position" in log.turned
+    assert np.abs(log.recordings[0].deflection).max() < 1.0
+
+
+def test_exchanged_sides_and_different_signs() -> None:
+    """Assert a warning of exchanged encoders, and that logs of different signs do not combine."""
+    other = {"link_position": "motor_position", "motor_position": "link_position"}
+    log = read_columns({other.get(n, n): v for n, v in RIGHT["two encoders"].items()})
+    assert any("exchange both columns" in warning for warning in log.warnings)
+    turned = read_columns(driven(*LOW) | {"motor_torque": -driven(*LOW)["motor_torque"]})
+    with pytest.raises(RecordingError, match="motor_torque: shows another sign"):
+        check_alike([read_columns(driven(*LOW)), turned])
+    check_alike([turned, turned])

@@ -129,9 +129,8 @@ COMPUTED: list[dict[str, object]] = [
 ]
 
 
-def test_stamps_that_do_not_do(tmp_path: Path, golden: Any, monkeypatch: pytest.MonkeyPatch):
+def test_stamps_that_do_not_do(here: Path, golden: Any):
     """Assert that unreadable or decreasing time stamps are named with a remedy."""
-    monkeypatch.chdir(tmp_path)
 
     def log(stamps: list[Any]) -> Log:
         if isinstance(stamps[0], str):
@@ -191,14 +190,6 @@ def test_frames_and_arrays(zone: str | None):
         assert recording.sample_time == pytest.approx(2.00001e-4, rel=1e-12)
 
 
-def test_a_log_that_is_played_again_counts_from_1970(tmp_path: Path):
-    """Assert that a replayed log has seconds since 1970, so that days follow each other."""
-    path = tmp_path / "log.parquet"
-    pl.DataFrame(CELLS).insert_column(0, pl.Series("time", MOMENTS)).write_parquet(path)
-    samples = next(iter(Replay(path, None)))
-    assert samples[:, 0] == pytest.approx([t.timestamp() for t in MOMENTS], abs=1e-6)
-
-
 def streamed(clock: Clock, *stamps: str) -> FloatArray:
     """Return the times of a part of a stream."""
     frame = pl.DataFrame({"time": stamps}, schema={"time": pl.String})
@@ -207,8 +198,12 @@ def streamed(clock: Clock, *stamps: str) -> FloatArray:
     return found
 
 
-def test_times_of_day_of_a_stream():
-    """Assert that late times of day stay in their day, and empty first cells are skipped."""
+def test_streams_count_on(tmp_path: Path):
+    """Assert seconds since 1970 of a replay, and late times of day that stay in their day."""
+    path = tmp_path / "log.parquet"
+    pl.DataFrame(CELLS).insert_column(0, pl.Series("time", MOMENTS)).write_parquet(path)
+    samples = next(iter(Replay(path, None)))
+    assert samples[:, 0] == pytest.approx([t.timestamp() for t in MOMENTS], abs=1e-6)
     found = streamed(Clock(since_1970=True), "", " ", "00:00:01.5")
     np.testing.assert_array_equal(found, [np.nan, np.nan, 1.5])
     clock = Clock(since_1970=True)
@@ -217,16 +212,12 @@ def test_times_of_day_of_a_stream():
     np.testing.assert_array_equal(found, [-0.5, 0.5, -0.25, np.nan, np.nan, 1.0, 1.5])
 
 
-def test_integers_that_are_too_far_apart_to_be_subtracted():
-    """Assert that the difference of distant 64-bit integers does not overflow."""
+def test_large_numbers_as_times():
+    """Assert exact differences of distant integers, and that seconds since 1970 start at zero."""
     ticks = np.array([-3, 0, 3]) * 2**61
     table = table_of_arrays({"time": ticks})
     found = Clock().numbers(table, "time", 1e-9)
     np.testing.assert_array_equal(found, [0.0, 3 * 2.0**61, 6 * 2.0**61])
-
-
-def test_seconds_since_1970_as_floating_point_numbers():
-    """Assert that seconds since 1970 start at zero, and that their rounding counts as even."""
     columns = joint_columns()
     log = read_columns({**columns, "time": columns["time"] + 1.7e9})
     assert log.warnings == ()

@@ -182,8 +182,8 @@ def test_an_input_that_is_far_off_in_time(torque: FloatArray, delay: str):
         assert rank_of(warning) == Rank.SCALE
 
 
-def test_a_spring_that_hardens_is_no_other_scale():
-    """Assert no warning of a scale for unmodelled mechanics, though a scale would explain 6 %."""
+def test_what_only_looks_like_a_fault_is_not_named():
+    """Assert no other scale for a hardening spring, and no delay of a single step."""
     time, tones = 0.005 * np.arange(20000), np.array([2.0, 7.3])
     motion = 0.4 * np.sin(np.outer(time, tones))
     link, acceleration = motion.sum(axis=1), -motion @ tones**2
@@ -192,16 +192,12 @@ def test_a_spring_that_hardens_is_no_other_scale():
     motor = link + load / 100.0 * (1.0 + 5e-4 * load**2) + noise
     columns = {"time": time, "link_position": link, "motor_position": motor}
     assert read_columns({**columns, "motor_torque": load}).warnings == ()
-
-
-def test_an_input_that_steps_once_is_on_time():
-    """Assert no warning of a delay for a single step."""
     step = made(1, 4.0, noise=0.0, held=True, torque=lambda at: np.where(at > 0.2, 5.0, 0.0))
     assert [*late_input(step)] == []
 
 
-def test_lost_samples_are_put_back():
-    """Assert that lost samples are restored at their places, from positions or by the clock."""
+def test_what_is_lost_or_spiked_is_interpolated():
+    """Assert lost samples at their places, and values for spikes, to some 10 times the noise."""
     log = read_log(without_every(33))
     (recording,) = log.recordings
     assert len(recording) > len(without_every(33)[LINK])
@@ -211,10 +207,6 @@ def test_lost_samples_are_put_back():
     (recording,) = read_log(clock_without(600)).recordings
     np.testing.assert_allclose(recording.time, CLEAN["time [s]"], atol=1e-9)
     np.testing.assert_allclose(recording.motor_position, CLEAN[MOTOR], atol=20 * NOISE)
-
-
-def test_spikes_are_replaced():
-    """Assert that spikes are interpolated to 10 times noise."""
     (recording,) = read_log(SPIKES).recordings
     np.testing.assert_allclose(recording.needed_link_position, CLEAN[LINK], atol=10 * NOISE)
     np.testing.assert_allclose(recording.motor_position, CLEAN[MOTOR], atol=10 * NOISE)

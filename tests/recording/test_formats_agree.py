@@ -47,8 +47,8 @@ def test_parts_are_the_whole(name: str, tmp_path: Path):
     assert pl.concat(parts).equals(table_of_file(path, column_map).frame)
 
 
-def test_a_column_says_where_it_stands(tmp_path: Path):
-    """Assert that a result names paths in a file, with a warning for recognised names only."""
+def test_columns_and_tables_come_back(tmp_path: Path):
+    """Assert paths of columns, with warnings by name, and Parquet files replaced or refused."""
     for name, path in (
         ("MATLAB, struct", "run.motor_position"),
         ("HDF5", "run/1/motor_position"),
@@ -58,10 +58,6 @@ def test_a_column_says_where_it_stands(tmp_path: Path):
         assert log.columns["motor_position"].columns == {path: 1.0}
         assert len(log.warnings) == name.startswith("ROS")  # recognised by name
     assert {*log.columns} == {"time", *log_files.SIGNALS}
-
-
-def test_a_table_comes_back(tmp_path: Path):
-    """Assert that a Parquet file replaces an older one, and that a full disk is an error."""
     table, path = pl.DataFrame({"time": [0.0, 0.1]}), tmp_path / "a.parquet"
     write_parquet(table.head(1), path)
     write_parquet(table, path)

@@ -1,8 +1,12 @@
-"""Lost samples in logs with a counted time: detection and place."""
+"""Lost samples in logs with a counted time, and frozen sensors, whose samples are left out."""
+
+from typing import Any
 
 import numpy as np
 import pytest
+from joint_log import joint_columns, read_columns, said, without
 
+from flexid.arrays import FloatArray
 from flexid.recording.outliers import _local_inflation, all_times, even_times, lost_samples
 
 STEP = 0.01
@@ -22,7 +26,7 @@ def lost_of(positions: np.ndarray | list[np.ndarray]) -> np.ndarray:
     return lost_samples([*positions], STEP * np.arange(len(positions[0]), dtype=np.float64))
 
 
-def without(positions: np.ndarray, lost: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
+def dropping(positions: np.ndarray, lost: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
     """Return positions without some samples, and the number missing after each one."""
     kept = np.delete(np.arange(positions.shape[1]), lost)
     return list(positions[:, kept]), np.diff(kept) - 1
@@ -39,7 +43,7 @@ RESONANCE = motion(1e-5) + np.outer([1.0, -0.5], SWING)
 def test_lost_samples_are_found_where_they_are(positions: np.ndarray, seed: int, share: float):
     """Assert that most losses are found, with their number, and that no other place is named."""
     lost = np.random.default_rng(seed).choice(np.arange(10, 2990), 60, replace=False)
-    kept, true = without(positions, lost)
+    kept, true = dropping(positions, lost)
     found = lost_of(kept)
     assert not found[true == 0].any()
     assert np.count_nonzero(found == true) > 0.99 * len(true)
@@ -58,7 +62,7 @@ def test_nothing_is_found_where_nothing_is_lost(noise: float):
 def test_what_happens_only_where_a_motion_turns_is_no_loss(shift: int, found: bool):
     """Assert that kinks by friction at reversals are not lost samples, and others are."""
     turns = np.flatnonzero(np.diff(np.sign(np.diff(motion(0.0)[1]))))
-    lost = lost_of(without(motion(1e-5), turns[2:-2] + shift)[0])
+    lost = lost_of(dropping(motion(1e-5), turns[2:-2] + shift)[0])
     assert np.count_nonzero(lost) == found * len(turns[2:-2])
 
 
@@ -72,16 +76,12 @@ def test_an_error_that_is_usual_nearby_shows_less():
     assert found.min() == 1.0  # a calm stretch does not count more
 
 
-def test_repeated_samples_are_no_lost_ones():
-    """Assert that a log with as many repeated as lost samples is left unchanged."""
-    positions, _ = without(motion(1e-5), np.arange(100, 2900, 140))
+def test_nothing_is_sought_in_other_logs():
+    """Assert no losses if as many samples repeat, or if the time itself shows them."""
+    positions, _ = dropping(motion(1e-5), np.arange(100, 2900, 140))
     repeated = [np.insert(p, np.arange(50, 2900, 140), p[50:2900:140]) for p in positions]
     assert not lost_of(repeated).any()
-
-
-def test_a_clock_that_was_read_is_left_alone():
-    """Assert that losses are not sought if the time itself shows them."""
-    positions, true = without(motion(1e-5), np.arange(100, 2900, 50))
+    positions, true = dropping(motion(1e-5), np.arange(100, 2900, 50))
     read = STEP * np.append(0, np.cumsum(1.0 + true))
     assert not lost_samples(positions, read).any()
 
@@ -103,19 +103,102 @@ def test_double_steps_of_a_coarse_clock_are_no_losses(lost: list[int]):
     assert 1.0 / np.diff(found).mean() == pytest.approx(97.0, rel=1e-3)
 
 
-def test_losses_that_recur_evenly_are_no_coarse_clock():
-    """Assert that positions decide if a coarse clock and regular losses give the same times."""
+def test_positions_decide_what_double_steps_are():
+    """Assert losses if positions show them, and else a coarse clock, even with random steps."""
     time, positions = coarse(100.0, np.arange(20, 3000, 32))
     assert even_times(time, positions) is None
     still = [0.0 * values for values in positions]
     assert even_times(time, still) is not None
-
-
-def test_a_clock_that_jumps_is_counted_on_the_evidence_of_the_positions():
-    """Assert that random double steps of the clock are removed if positions contradict them."""
     time = STEP * np.arange(3000, dtype=np.float64)
     for place in np.random.default_rng(5).choice(np.arange(20, 2980), 40, replace=False):
         time[place:] += STEP
     counted = even_times(time, [*motion(1e-5)])
     assert counted is not None
     np.testing.assert_allclose(np.diff(counted), np.diff(counted)[0], rtol=1e-9)
+
+
+PERIOD = 0.005  # s
+ENCODERS = ("link_position", "motor_position")
+Columns = dict[str, FloatArray]
+
+
+def columns(count: int = 400, noise: float = 1e-5) -> Columns:
+    """Return a motion with noise in rad on both positions, and its torque."""
+    rng = np.random.default_rng(3)
+    found = without(joint_columns(count, PERIOD), "velocity")
+    for name in ENCODERS:
+        found[name] += noise * rng.standard_normal(count)
+    return found
+
+
+def repeated(found: Columns, start: int = 320, stop: int = 400) -> Columns:
+    """Return the log with one sample repeated over a range."""
+    for name, values in found.items():
+        if name != "time":
+            values[start:stop] = values[start]
+    return found
+
+
+def quantised(found: Columns, bits: int) -> Columns:
+    """Return the log with encoders of this many bits; 0 changes nothing."""
+    step = 2.0 * np.pi / 2**bits
+    for name in ENCODERS if bits else ():
+        found[name] = step * np.round(found[name] / step)
+    return found
+
+
+def braked(deceleration: float, bits: int = 0, jump: float = 0.0) -> Columns:
+    """Return a joint that turns back and forth, brakes evenly from 1 s on, and rests."""
+    found, place = columns(noise=0.0), 200
+    after = np.maximum(found["time"] - 1.0, 0.0)
+    for name in ENCODERS:
+        values = found[name]
+        speed = (values[place] - values[place - 1]) / PERIOD
+        braking = np.minimum(after, abs(speed) / deceleration)
+        stop = speed * braking - 0.5 * np.sign(speed) * deceleration * braking**2
+        values[place:] = values[place] + stop[place:]
+        values[340:] += jump
+    found["motor_torque"][300:] = 0.0
+    return quantised(found, bits)
+
+
+def at_rest(found: Columns, part: slice, place: int, *names: str) -> Columns:
+    """Return the log with some channels constant over a part."""
+    for name in names:
+        found[name][part] = found[name][place]
+    return found
+
+
+CASES: dict[str, Columns] = {
+    "the beginning": at_rest(columns(), slice(100), 100, *ENCODERS, "motor_torque"),
+    "a link to the end": at_rest(columns(), slice(290, None), 290, "link_position"),
+    "19 samples of it": at_rest(columns(), slice(381, None), 381, "link_position"),
+    "a link in the middle": at_rest(columns(), slice(100, 140), 100, "link_position"),
+    "19 samples of that": at_rest(columns(), slice(100, 119), 100, "link_position"),
+    "a rest that jumps": braked(50.0, jump=0.3),
+    "braking": braked(50.0),
+    **{
+        f"{moving} goes on": {**repeated(columns()), moving: columns()[moving]}
+        for moving in ("motor_torque", "link_position")  # a brake, a stop
+    },
+}
+
+
+def test_what_is_left_out(golden: Any):
+    """Assert that repeated samples are left out in motion only."""
+    golden({name: said(read_columns, found) for name, found in CASES.items()})
+
+
+@pytest.mark.parametrize("bits", [0, 11, 12, 13, 14])
+@pytest.mark.parametrize("braking", [1, 2, 5])
+def test_a_drive_from_point_to_point_rests(bits: int, braking: int):
+    """Assert that a drive that stops abruptly, rests without torque, and moves on is read whole."""
+    run = np.r_[np.full(60, 0.8), np.linspace(0.8, 0.0, braking), np.zeros(70)]
+    speed = np.concatenate([run] * 4)
+    torque = np.where(speed == 0.0, 0.0, speed + np.sin(np.arange(len(speed))))
+    link = np.cumsum(speed) * PERIOD
+    found = {"time": PERIOD * np.arange(len(speed)), "motor_torque": torque}
+    found |= {"link_position": link, "motor_position": link + 0.01 * torque}
+    (recording,) = read_columns(quantised(found, bits)).recordings
+    # At the very end a rest and a frozen logger look the same.
+    assert len(recording) >= len(speed) - 70 + 1

@@ -1,4 +1,4 @@
-"""Signals with different clocks, resampled to one."""
+"""Signals with different clocks, resampled to one, and channels delayed by parts of a sample."""
 
 import numpy as np
 import pytest
@@ -8,6 +8,7 @@ from joint_log import refused
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
+from flexid.estimators.channel_timing import invalid_ends, later, rate_of_later
 from flexid.recording.one_clock import Signal, on_one_clock
 
 TIMES = 0.01 * np.arange(100.0)
@@ -21,33 +22,25 @@ def joined(
     return on_one_clock("log", {"slow": TIMES, "other": times}, signals)
 
 
-def test_the_same_clock():
-    """Assert that time stamps that differ by rounding are one clock, without interpolation."""
+def test_positions_are_kept_or_interpolated():
+    """Assert no interpolation for times that differ by rounding, and else exact cubics."""
     values = np.random.default_rng(1).normal(size=100)
     times, columns, warnings = joined(TIMES + 1e-7, values)
     np.testing.assert_array_equal(columns["b"], values)
     np.testing.assert_array_equal(times, TIMES)
     assert not warnings
-
-
-def test_cubics_are_kept():
-    """Assert that a cubic position is interpolated exactly."""
     fast = 0.0033 * np.arange(320.0)
     times, columns, warnings = joined(fast, fast**3 - fast)
     np.testing.assert_allclose(columns["b"], times**3 - times, atol=1e-12)
     assert "'b' had time stamps of their own" in warnings[0]
 
 
-def test_inputs_do_not_overshoot():
-    """Assert that an input with steps, sampled about as often, stays between its values."""
+def test_inputs_keep_their_range_and_impulse():
+    """Assert steps that stay in range, and the impulse of a torque that is sampled faster."""
     as_fast = 0.0095 * np.arange(110.0)
     _, columns, warnings = joined(as_fast, np.sign(np.sin(20.0 * as_fast) + 0.1), held=True)
     assert np.abs(columns["b"]).max() <= 1.0
     assert len(warnings) == 1
-
-
-def test_a_fast_input_acts_by_its_mean():
-    """Assert that the impulse of a noisy torque is kept; every tenth sample would lose it."""
     fast = 0.001 * np.arange(1000.0)
     noise = np.random.default_rng(4).normal(size=len(fast))
     impulse = 0.001 * np.cumsum(noise)
@@ -71,26 +64,18 @@ def test_what_the_slower_clock_can_show_passes_without_delay(rate: float, gain: 
     np.testing.assert_allclose(columns["b"][middle], gain * np.sin(rate * times[middle]), atol=0.01)
 
 
-def test_nothing_is_filtered_across_a_gap():
-    """Assert that an input after a gap does not affect samples before the gap."""
+def test_gaps_and_pauses_of_a_clock():
+    """Assert no filter across a gap, no samples in another's gap, and the rate without a pause."""
     fast = 0.001 * np.arange(1000.0)
     kept = (fast < 0.4) | (fast > 0.6)
     times, columns, _ = joined(fast[kept], np.where(fast < 0.5, 1.0, -50.0)[kept], held=True)
     np.testing.assert_allclose(columns["b"], np.where(times < 0.5, 1.0, -50.0), rtol=1e-9)
-
-
-def test_a_gap_of_another_clock_is_one():
-    """Assert that no samples are created in a gap of another signal."""
     fast = 0.005 * np.arange(200.0)
     logged = fast[(fast < 0.3) | (fast > 0.6)]
     times, columns, _ = joined(logged, np.sin(logged))
     assert not ((times > 0.3) & (times < 0.6)).any()
     np.testing.assert_allclose(columns["b"], np.sin(times), atol=1e-9)
     assert set(times) == {t for t in TIMES if t <= 0.295 + 1e-12 or 0.605 - 1e-12 <= t <= fast[-1]}
-
-
-def test_a_clock_that_paused_is_no_slower():
-    """Assert that a fast clock with a long pause counts as fast, and its input is filtered."""
     fast = np.concatenate((0.001 * np.arange(20.0), 0.97 + 0.001 * np.arange(15.0)))
     assert len(fast) < len(TIMES)
     times, _, warnings = joined(fast, np.zeros(len(fast)), held=True)
@@ -141,3 +126,57 @@ def test_any_clocks(data: st.DataObject):
         assert times[-1] <= own[-1] + 1e-9
         assert np.isfinite(columns[name]).all()
         assert len(columns[name]) == len(times)
+
+
+SAMPLE_TIME = 1e-3
+TIME = SAMPLE_TIME * np.arange(3000)
+SHIFTS = [0.5, -0.5, 0.01, -0.75, 2.3, -7.49, 3.0, -4.0, 0.0]
+
+
+def motion(time):
+    """Return a motion of 20 and 61 rad/s about a constant."""
+    return 2.0 + np.sin(20.0 * time) + 0.3 * np.cos(61.0 * time)
+
+
+@pytest.mark.parametrize("samples", SHIFTS)
+def test_motion_is_shifted_by_just_so_much(samples):
+    """Assert that a motion of up to 10 Hz is shifted exactly, within the stated margins."""
+    first, last = invalid_ends(samples)
+    shifted = later(motion(TIME), samples)[first : len(TIME) - last]
+    expected = motion(TIME - SAMPLE_TIME * samples)[first : len(TIME) - last]
+    assert np.max(np.abs(shifted - expected)) < 1e-6
+    assert first + last <= abs(samples) + 65
+    if samples == int(samples):
+        assert first + last == abs(samples)
+
+
+@pytest.mark.parametrize("samples", SHIFTS)
+def test_white_noise_stays_white(samples):
+    """Assert that shifted white noise stays white, with the same variance."""
+    noise = np.random.default_rng(1).standard_normal(100_000)
+    shifted = later(noise, samples)[100:-100]
+    correlation = [np.mean(shifted[lag:] * shifted[: len(shifted) - lag]) for lag in (0, 1, 2, 3)]
+    assert correlation == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=0.02)
+
+
+@pytest.mark.parametrize("samples", [0.5, -1.5, 0.0, 2.2])
+def test_it_depends_smoothly_on_the_shift(samples):
+    """Assert that the rate equals the derivative by the shift, also at half a sample.
+
+    With a filter that switches there, fits stuck at half a sample and did not converge.
+    """
+    noisy = motion(TIME) + 0.1 * np.random.default_rng(2).standard_normal(len(TIME))
+    step = 1e-4
+    apart = later(noisy, samples + step) - later(noisy, samples - step)
+    rate = rate_of_later(noisy, samples)
+    assert rate == pytest.approx(apart / (2.0 * step), abs=1e-6)
+    assert np.ptp(rate) > 0.1
+
+
+@pytest.mark.parametrize("length", [1, 2, 3, 10, 997])
+def test_a_line_of_any_length_stays_one(length):
+    """Assert that a straight line is shifted exactly, up to its ends."""
+    places = np.arange(length, dtype=np.float64)
+    wanted = 3.0 - 0.5 * (places - 0.3) if length > 1 else [3.0]
+    assert later(3.0 - 0.5 * places, 0.3) == pytest.approx(wanted)
+    assert rate_of_later(3.0 - 0.5 * places, 0.3) == pytest.approx(0.5 if length > 1 else 0.0)

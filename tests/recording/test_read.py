@@ -1,16 +1,18 @@
-"""Reading of usable logs: channels, units, inputs, and the grid of their times."""
+"""Reading of usable logs: channels, units, inputs, times, and an overview of unknown columns."""
 
 import hashlib
 import io
+import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
 from joint_log import (
     assert_equal_logs,
-    assert_words,
     csv_text,
     joint_columns,
     read_columns,
@@ -18,12 +20,14 @@ from joint_log import (
     without,
     written,
 )
+from log_files import hdf5
 from numpy.typing import NDArray
 
 import flexid
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.recording import Log, read_log
+from flexid.recording.series import overview
 
 CHANNELS = ("link_position", "motor_position", "link_velocity", "motor_velocity")
 
@@ -73,13 +77,6 @@ def rows(kept: NDArray[Any]) -> dict[str, FloatArray]:
     return {name: values[kept] for name, values in joint_columns().items()}
 
 
-def test_a_gap_gives_two_recordings() -> None:
-    """Assert that both sides of a gap are read as if from two files."""
-    log = read_columns(rows(np.r_[0:150, 190:400]))
-    parts = [read_columns(rows(np.r_[a:b])).recordings[0] for a, b in ((0, 150), (190, 400))]
-    assert_equal_logs(log, Log(tuple(parts), (), "", ""))
-
-
 def jittered(share: float, count: int = 2000) -> dict[str, FloatArray]:
     """Return a motion with sampling jitter of up to `share` of a step."""
     offset = share * 0.005 * np.random.default_rng(7).uniform(-1.0, 1.0, count)
@@ -87,30 +84,6 @@ def jittered(share: float, count: int = 2000) -> dict[str, FloatArray]:
     motor = np.sin(2.0 * time)
     link = {"link_position": motor + 0.05 * np.sin(9.0 * time), "motor_position": motor}
     return {"time": time, **link, "motor_torque": np.cos(3.0 * time)}
-
-
-def test_rounded_time_is_even() -> None:
-    """Assert that a time with few digits changes no sample and gives no warning."""
-    columns = jittered(0.0005)
-    log = read_columns(columns)
-    assert log.warnings == ()
-    np.testing.assert_array_equal(log.recordings[0].link_position, columns["link_position"])
-    assert log.recordings[0].sample_time == pytest.approx(0.005, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("share", "varies", "error"), [(0.08, "15 %", 1e-7), (0.22, "42 %", 2e-7), (0.45, "87 %", 1e-6)]
-)
-def test_jitter_is_interpolated(share: float, varies: str, error: float) -> None:
-    """Assert the interpolation error in rad; without interpolation it would exceed 5e-4 rad."""
-    columns = jittered(share)
-    log = read_columns(columns)
-    words = f"'time': .* vary by {varies} of .* 5.* ms, so .*interpolated to even times: record at"
-    assert_words(words, log.warnings[0])
-    (recording,) = log.recordings
-    exact = np.sin(2.0 * recording.time) + 0.05 * np.sin(9.0 * recording.time)
-    assert np.abs(recording.needed_link_position - exact).max() < error
-    assert np.abs(columns["link_position"][: len(exact)] - exact).max() > 5e-4
 
 
 def late_stamps(kind: str, steps: float) -> FloatArray:
@@ -130,11 +103,14 @@ def test_late_stamps_of_even_samples_move_none(kind: str, steps: float) -> None:
     (recording,) = log.recordings
     np.testing.assert_array_equal(recording.link_position, columns["link_position"])
     assert recording.sample_time == pytest.approx(0.005, rel=1e-4)
-    assert_words("the positions are smoother at even times, so these were taken", log.warnings[0])
+    assert "the positions are smoother at even times, so these were taken" in log.warnings[0]
 
 
-def test_samples_lost_at_random_are_interpolated() -> None:
-    """Assert that a log without a quarter of its samples is complete but for the longest gaps."""
+def test_gaps_and_losses() -> None:
+    """Assert both sides of a gap as from two files, and a log without a quarter of its samples."""
+    log = read_columns(rows(np.r_[0:150, 190:400]))
+    parts = [read_columns(rows(np.r_[a:b])).recordings[0] for a, b in ((0, 150), (190, 400))]
+    assert_equal_logs(log, Log(tuple(parts), (), "", ""))
     kept = np.sort(np.random.default_rng(9).choice(2000, 1500, replace=False))
     columns = {name: values[kept] for name, values in jittered(0.0).items()}
     log = read_columns(columns)
@@ -144,8 +120,13 @@ def test_samples_lost_at_random_are_interpolated() -> None:
         assert np.abs(recording.needed_link_position - exact).max() < 2e-6
 
 
-def test_a_switched_input_does_not_overshoot() -> None:
-    """Assert that interpolation keeps a two-level input within its levels, even tiny ones."""
+def test_what_interpolation_leaves_alone() -> None:
+    """Assert unchanged samples for a time with few digits, and a switched input in its levels."""
+    columns = jittered(0.0005)
+    log = read_columns(columns)
+    assert log.warnings == ()
+    np.testing.assert_array_equal(log.recordings[0].link_position, columns["link_position"])
+    assert log.recordings[0].sample_time == pytest.approx(0.005, rel=1e-6)
     columns = jittered(0.08)
     columns["motor_torque"] = np.sign(columns["motor_torque"])
     assert np.abs(read_columns(columns).recordings[0].needed_input).max() <= 1.0
@@ -168,7 +149,7 @@ def test_whole_milliseconds_are_even(rate: float) -> None:
     # Interpolation to even times would change positions by 1e-3 rad.
     np.testing.assert_array_equal(recording.link_position, columns["link_position"])
     (warning,) = log.warnings
-    assert_words("rounded to 1 ms; they fit even steps.*write the time with more digits", warning)
+    assert re.search("rounded to 1 ms; they fit even steps.*the time with more digits", warning)
 
 
 COLUMNS = joint_columns()
@@ -210,3 +191,36 @@ SAID: dict[str, dict[str, FloatArray]] = {
 def test_what_is_said_of_channels(golden: Any) -> None:
     """Assert the channels that are read, the warnings, and that uneven times are refused."""
     golden({name: said(read_columns, columns) for name, columns in SAID.items()})
+
+
+def thirty_rows(cells: str) -> str:
+    """Return thirty rows, each with its number."""
+    return "".join(f"{k},{cells.format(k=k)}\n" for k in range(30))
+
+
+def parquet(folder: Path) -> Path:
+    """Write a table with an empty cell."""
+    table = pl.DataFrame({"time": [0.0, 0.1], "motor_position": [None, 1 / 3]})
+    table.write_parquet(folder / "a.parquet")
+    return folder / "a.parquet"
+
+
+SIGNALS = {f"run/{name}": [0.0, 0.1, 0.2] for name in ("time", "motor_position")}
+FILES: dict[str, Callable[[Path], Path]] = {
+    "names": lambda p: written(p, f"time [ms],q_motor_deg,tau,other\n{thirty_rows('{k}.50,1,x')}"),
+    "names that say little": lambda p: written(p, f"t,enc1,tau\n{thirty_rows('{k},{k}')}"),
+    "a table": parquet,
+    "long cells": lambda p: written(p, f"time,text\n0,{'x' * 5000}\n1,y\n"),
+    "signals": lambda p: hdf5(p / "a.h5", SIGNALS),
+}
+
+
+def test_what_files_hold(tmp_path: Path, golden: Any) -> None:
+    """Assert columns, units, first values, types and channels, or the reason for none."""
+    found = {}
+    for name, write in FILES.items():
+        one = overview(write(tmp_path))
+        columns = [f"{c.header!r} in {c.unit!r} {c.kind} {c.cells}" for c in one.columns]
+        unclear = one.unclear.partition(";")[0]
+        found[name] = f"{one.rows} rows; {'; '.join(columns)}; {one.channels}; {unclear}"
+    golden(found)

@@ -1,5 +1,6 @@
 """Files of signals in MATLAB, HDF5, MDF, MCAP and ROS bags: contents and refusals."""
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import polars as pl
 import pytest
 from asammdf import Signal
 from benchmarks.fuzz_files import STAMPS, matlab_73, mcap
-from joint_log import assert_words, refused, said
+from joint_log import refused, said
 from log_files import COLUMNS, TORQUE, hdf5, in_groups, log_file, mdf, measured, parquet, signal
 from rosbags.typesys.store import Typestore
 from scipy.io import savemat
@@ -211,9 +212,8 @@ MAPS: dict[str, Mapping[str, object]] = {
 }
 
 
-def test_signals_of_files(tmp_path: Path, golden: Any, monkeypatch: Any, capfd: Any) -> None:
+def test_signals_of_files(here: Path, golden: Any, capfd: Any) -> None:
     """Assert the contents of files, or one sentence, without output of the libraries."""
-    monkeypatch.chdir(tmp_path)
     found = {}
     for case, (name, write) in FILES.items():
         path = Path(case) / name
@@ -229,21 +229,6 @@ def test_invalid_samples_of_a_part(tmp_path: Path) -> None:
     invalid(tmp_path / "log.mf4")
     tables = tables_of_file(tmp_path / "log.mf4", None, 25)
     assert "1 of its 25 samples, from 51 on, are marked" in refused(next, tables)
-
-
-def test_a_bomb_of_matlab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that contents that exceed a limit of memory, or claim to, are refused."""
-    size = (100_000).to_bytes(4, "little") * 2
-    claim = edited(
-        lambda p: savemat(p, {"time": np.arange(100.0)}, format="4"),
-        lambda raw: raw[:4] + size + raw[12:],
-    )
-    claim(tmp_path / "4.mat")
-    refused(read_log, tmp_path / "4.mat")
-    monkeypatch.setattr(guard, "LIMITS", guard.LIMITS._replace(memory=300_000_000))
-    savemat(tmp_path / "log.mat", {"zeros": np.zeros(40_000_000)}, do_compression=True)
-    assert (tmp_path / "log.mat").stat().st_size < 1_000_000
-    assert "exceeds the limit of memory or time" in refused(read_log, tmp_path / "log.mat")
 
 
 def test_names_that_are_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -266,11 +251,22 @@ def test_names_that_are_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     assert not trap.exists()
 
 
-def test_a_bomb_of_mcap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that a chunk that exceeds a limit of memory when unpacked is refused."""
+def test_bombs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that contents which exceed a limit of memory, or claim to, are refused."""
+    size = (100_000).to_bytes(4, "little") * 2
+    claim = edited(
+        lambda p: savemat(p, {"time": np.arange(100.0)}, format="4"),
+        lambda raw: raw[:4] + size + raw[12:],
+    )
+    claim(tmp_path / "4.mat")
+    refused(read_log, tmp_path / "4.mat")
+    monkeypatch.setattr(guard, "LIMITS", guard.LIMITS._replace(memory=300_000_000))
+    savemat(tmp_path / "log.mat", {"zeros": np.zeros(40_000_000)}, do_compression=True)
+    assert (tmp_path / "log.mat").stat().st_size < 1_000_000
+    assert "exceeds the limit of memory or time" in refused(read_log, tmp_path / "log.mat")
     monkeypatch.setattr(guard, "LIMITS", guard.LIMITS._replace(memory=150_000_000))
     messages = [("/drive", STAMPS[0], {"zeros": " " * 200_000_000})]
     for compression in ("ZSTD", "LZ4"):
         path = mcap(tmp_path / f"{compression}.mcap", messages, compression)
         assert path.stat().st_size < 1_000_000
-        assert_words("MCAP file that can be read|memory or time", refused(read_log, path))
+        assert re.search("MCAP file that can be read|memory or time", refused(read_log, path))

@@ -172,9 +172,8 @@ REFUSED: dict[str, joint_log.Change] = {
 }
 
 
-def test_refused_texts(tmp_path: Path, golden: Any, monkeypatch: Any) -> None:
+def test_refused_texts(here: Path, golden: Any) -> None:
     """Assert that a log names place and reason, and a stream without any sample the same."""
-    monkeypatch.chdir(tmp_path)
     found = {}
     for name, change in REFUSED.items():
         path = joint_log.written(Path(), change(TEXT))
@@ -182,16 +181,6 @@ def test_refused_texts(tmp_path: Path, golden: Any, monkeypatch: Any) -> None:
         if name != "parentheses":  # few lines have parentheses
             found[f"{name}, as a stream"] = joint_log.refused(streamed, path)
     golden(found)
-
-
-def test_a_file_that_was_not_closed(tmp_path: Path) -> None:
-    """Assert that null bytes or half a row at the end cost no sample, with a warning."""
-    for end in ("\0" * 4096, "\0" * 2_000_000, "2.5,0.1"):
-        path = joint_log.written(tmp_path, TEXT + end)
-        (warning,) = read_log(path).warnings
-        joint_log.assert_words("line 502 was left out, as a last row that is not complete", warning)
-        if len(end) < 1_000_000:  # a stream must not wait for the end of such a line
-            assert len(streamed(path)) == 500
 
 
 @pytest.mark.parametrize("cell", ["inf", "?", "1,5", "1_000"])
@@ -206,8 +195,14 @@ def test_one_bad_cell(tmp_path: Path, cell: str) -> None:
     assert np.isfinite(samples[:, :3]).all()
 
 
-def test_a_stream_that_begins_without_numbers_is_waited_for(tmp_path: Path) -> None:
-    """Assert that a stream is not refused for empty cells and numbers that are not finite."""
+def test_ends_and_beginnings_without_numbers(tmp_path: Path) -> None:
+    """Assert no lost sample by null bytes or half a row, and patience with empty cells at first."""
+    for end in ("\0" * 4096, "\0" * 2_000_000, "2.5,0.1"):
+        path = joint_log.written(tmp_path, TEXT + end)
+        (warning,) = read_log(path).warnings
+        assert "line 502 was left out, as a last row that is not complete" in warning
+        if len(end) < 1_000_000:  # a stream must not wait for the end of such a line
+            assert len(streamed(path)) == 500
     lines = TEXT.splitlines()
     for k in range(1, 250):
         lines[k] = ",".join([*lines[k].split(",")[:-1], "" if k % 2 else "nan"])

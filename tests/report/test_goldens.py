@@ -18,13 +18,7 @@ from flexid.library import validation as library
 from flexid.report import campaign, validation, watch
 from flexid.report.comparison import comparison_summary, largest, outcome_text
 from flexid.report.comparison import parts as comparison_parts
-from flexid.report.identification import (
-    answers,
-    estimates_table,
-    evidence,
-    parts,
-    verdict_reasons,
-)
+from flexid.report.identification import answers, estimates_table, evidence, parts, verdict_reasons
 from flexid.report.terminal import Part, as_text
 from flexid.stored_estimates.comparison import compare_estimates
 from flexid.stored_estimates.estimate_file import estimate_document

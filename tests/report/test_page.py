@@ -1,7 +1,5 @@
 """The page of an identification, in a browser: content, security, themes, small screens, print."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import pytest
@@ -131,8 +129,8 @@ def test_no_serious_fault(page, scheme):
 
 
 @pytest.mark.thorough
-def test_words_and_signs_beside_colours(page):
-    """Assert that each verdict has a word and a symbol besides its colour."""
+def test_words_signs_and_colours(page):
+    """Assert a word and a symbol of each verdict, and strokes light in the dark, dark on paper."""
     sign = "element => getComputedStyle(element, '::before').content"
     signs = set()
     for tone in ("good", "fair", "bad"):
@@ -142,11 +140,6 @@ def test_words_and_signs_beside_colours(page):
         signs.add(cell.evaluate(sign))
     assert len(signs) == 3
     assert "none" not in signs
-
-
-@pytest.mark.thorough
-def test_figures_take_the_colours_of_the_page(page):
-    """Assert that strokes are light in the dark theme, and dark on paper."""
     by_day = page.evaluate(STROKE)
     page.emulate_media(color_scheme="dark")
     by_night = page.evaluate(STROKE)

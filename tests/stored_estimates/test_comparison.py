@@ -43,23 +43,8 @@ def compared(a, b, *, same_log=False):
     return compare_estimates(first, second).parameters[a.name]
 
 
-def test_two_samples_as_scipy_tests_them():
-    """Assert that difference, interval and probability equal Welch's test of two samples."""
-    rng = np.random.default_rng(3)
-    before, after = rng.normal(10.0, 1.0, 12), rng.normal(10.8, 0.4, 25)
-    a, b = (number(x.mean(), x.std(ddof=1) / len(x) ** 0.5, len(x) - 1.0) for x in (before, after))
-    found = compared(a, b)
-    truth: Any = ttest_ind(after, before, equal_var=False)
-    ends = truth.confidence_interval(0.95)
-    assert found.value == pytest.approx(after.mean() - before.mean(), rel=1e-12)
-    assert found.interval == pytest.approx((ends.low, ends.high), rel=1e-9)
-    assert found.probability == pytest.approx(truth.pvalue, rel=1e-9)
-    scale = 100.0 / before.mean()
-    assert found.percent_interval == pytest.approx((scale * ends.low, scale * ends.high))
-
-
-def test_a_ratio_has_its_interval_on_the_logarithm():
-    """Assert the interval of a ratio on the logarithm; the reverse comparison is reciprocal."""
+def test_ratios_and_what_has_none():
+    """Assert ratios on the logarithm; angles and possible zeros are compared in their unit."""
     a = number(2.0, 0.1, name="motor_inertia", logarithmic=True)
     b = number(2.4, 0.3, name="motor_inertia", logarithmic=True)
     found, back = compared(a, b), compared(b, a)
@@ -71,10 +56,6 @@ def test_a_ratio_has_its_interval_on_the_logarithm():
     turned = [100.0 * (1.0 / (1.0 + end / 100.0) - 1.0) for end in found.percent_interval[::-1]]
     assert back.percent_interval == pytest.approx(turned)
     assert back.probability == pytest.approx(found.probability)
-
-
-def test_no_percentage_is_made_of_angles_and_of_what_may_be_zero():
-    """Assert that angles, and values that may be zero, are compared in their unit."""
     found = compared(*(number(x, 0.01, name="gravity_angle", unit="rad") for x in (3.1, -3.1)))
     assert found.value == pytest.approx(2.0 * np.pi - 6.2)
     assert np.isnan(found.percent)
@@ -103,24 +84,31 @@ def test_one_drive_twice_is_said_to_have_changed_in_one_comparison_of_twenty(cor
     assert all(c.differ is not c.agree for c in found)
 
 
-def test_holm_lies_between_one_by_one_and_all_times_their_number():
-    """Assert Holm's steps by hand."""
+def test_differences_as_scipy_and_holm_test_them():
+    """Assert Welch's test of two samples, and Holm's steps by hand."""
+    rng = np.random.default_rng(3)
+    before, after = rng.normal(10.0, 1.0, 12), rng.normal(10.8, 0.4, 25)
+    a, b = (number(x.mean(), x.std(ddof=1) / len(x) ** 0.5, len(x) - 1.0) for x in (before, after))
+    found = compared(a, b)
+    truth: Any = ttest_ind(after, before, equal_var=False)
+    ends = truth.confidence_interval(0.95)
+    assert found.value == pytest.approx(after.mean() - before.mean(), rel=1e-12)
+    assert found.interval == pytest.approx((ends.low, ends.high), rel=1e-9)
+    assert found.probability == pytest.approx(truth.pvalue, rel=1e-9)
+    scale = 100.0 / before.mean()
+    assert found.percent_interval == pytest.approx((scale * ends.low, scale * ends.high))
     assert holm([0.01, 0.04, 0.03, 0.005], 0.05) == [True, False, False, True]
     assert holm([0.012, 0.016, 0.024, 0.05], 0.05) == [True, True, True, True]
     assert holm([0.013, 0.016, 0.024, 0.05], 0.05) == [False] * 4
     assert holm([], 0.05) == []
 
 
-def test_one_log_cannot_have_changed():
-    """Assert that estimates of one log are compared by the sum of their standard errors."""
+def test_one_log_or_estimate_twice():
+    """Assert that one log's standard errors add up, and that one estimate twice is refused."""
     near, far = (compared(number(5.0, 0.1), number(b, 0.1), same_log=True) for b in (5.37, 5.43))
     assert near.outcome == "compatible"
     assert far.outcome == "contradictory"
     assert near.interval == pytest.approx((0.37 - 1.959964 * 0.2, 0.37 + 1.959964 * 0.2))
-
-
-def test_an_estimate_and_itself_are_refused():
-    """Assert that one estimate twice is refused, and that equal values of two logs are compared."""
     a = drawn(np.random.default_rng(9))
     with pytest.raises(SettingError, match="A and B are the same estimate"):
         compare_estimates(a, a)

@@ -23,22 +23,17 @@ TRUE = {"theta1": 5.0, "theta2": 100.0, "theta_damping": 0.5}
 TRUE |= {"alpha1": 400.0, "alpha2": 1.5, "alpha_damping": 2.0, "beta1": 4.0}
 STEP = 1e-3
 TERMS = ("gravity", "motor_viscous", "joint_damping")
-HALF_GAP = 2e-3  # rad
 
 
-def broad(samples, seed, play=()):
+@pytest.fixture(scope="module")
+def log():
     """Return a torque with all frequencies from 0.05 to 20 Hz, and the joint's motion."""
-    generator = np.random.default_rng(seed)
+    samples, generator = 20_000, np.random.default_rng(3)
     hertz = np.arange(1, 400) / (samples * STEP)
     time = STEP * np.arange(samples)
     waves = np.cos(2 * np.pi * np.outer(time, hertz) + generator.uniform(0, 6.28, len(hertz)))
     torque = 0.25 * waves.sum(axis=1)
-    system, values = flexid.flexible_joint((*TERMS, *play)), TRUE
-    if play:
-        system = system.with_constants({BACKLASH_WIDTH: HALF_GAP})
-        gaps = {"theta_backlash": "theta2", "alpha_backlash": "alpha1"}
-        values = TRUE | {gap: HALF_GAP * TRUE[spring] for gap, spring in gaps.items()}
-    states = free_run(system, values, np.zeros(4), torque, STEP, "zero")
+    states = free_run(flexid.flexible_joint(TERMS), TRUE, np.zeros(4), torque, STEP, "zero")
     noise = 1e-4 * generator.standard_normal((samples, 2))
     link, motor = (states[:, ::2] + noise).T
     return {
@@ -47,12 +42,6 @@ def broad(samples, seed, play=()):
         "motor_position [rad]": motor,
         "motor_torque [N m]": torque,
     }
-
-
-@pytest.fixture(scope="module")
-def log():
-    """Return a log of 20 s."""
-    return broad(20_000, seed=3)
 
 
 @pytest.fixture(scope="module")
@@ -89,28 +78,23 @@ def test_it_is_that_of_the_two_mass_drive(estimate, position):
     )
 
 
-def test_of_play_it_is_that_of_the_joint_in_contact():
-    """Assert the stiffness beyond the gap for a spring with play."""
-    logged = broad(10_000, seed=4, play=("backlash",))
-    found = flexid.identify(logged, terms=(*TERMS, "backlash"), hold="zero", segment_duration=1.0)
-    values = {name: c.value for name, c in found.coefficients.items()}
-    assert found.parameters["half_backlash"].value == pytest.approx(HALF_GAP, rel=0.2)
-    hertz = np.geomspace(0.1, 20, 20)
-    motor, _ = two_masses(values, 2 * np.pi * hertz)
-    responses = found.frequency_response(frequency=hertz).responses
-    np.testing.assert_allclose(responses[1].values, motor, rtol=1e-9)
+SHAPED = {
+    "bent_spring": ("bend", {BEND_DEFLECTION: 0.02, SPRING_CENTRE: 0.0}),
+    "backlash": ("backlash", {BACKLASH_WIDTH: 2e-3}),
+}
 
 
-def test_of_a_bent_spring_it_is_that_below_the_bend():
-    """Assert the stiffness below the bend for a bent spring, at small motions."""
-    bent = made_estimates.exact(made_estimates.TRUE | {"theta_bend": 30.0, "alpha_bend": 100.0}, "")
-    shapes = {BEND_DEFLECTION: 0.02, SPRING_CENTRE: 0.0}
-    choices = replace(bent.choices, terms=(*bent.choices.terms, "bent_spring"), shapes=shapes)
+@pytest.mark.parametrize("term", SHAPED)
+def test_of_a_shaped_spring_it_is_that_without_the_shape(term):
+    """Assert the stiffness below the bend of a bent spring, and that beyond the gap of play."""
+    name, shapes = SHAPED[term]
+    plain = made_estimates.TRUE
+    made = made_estimates.exact(plain | {f"theta_{name}": 0.3, f"alpha_{name}": 1.0}, "")
+    choices = replace(made.choices, terms=(*made.choices.terms, term), shapes=shapes)
     hertz = np.geomspace(0.1, 20, 20)
-    motor, _ = two_masses(
-        made_estimates.TRUE | {"theta_damping": 0.0, "alpha_damping": 0.0}, 2 * np.pi * hertz
-    )
-    found = frequency_response(replace(bent, choices=choices), frequency=hertz)
+    undamped = {"theta_damping": 0.0, "alpha_damping": 0.0}
+    motor, _ = two_masses(plain | undamped, 2 * np.pi * hertz)
+    found = frequency_response(replace(made, choices=choices), frequency=hertz)
     np.testing.assert_allclose(found.responses[1].values, motor, rtol=1e-9)
 
 

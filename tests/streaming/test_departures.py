@@ -24,25 +24,6 @@ def against(**other: float) -> WatchOptions:
     return replace(OPTIONS, reference=reference)
 
 
-def test_a_drive_as_it_was_has_not_departed():
-    """Assert that the true values, and values within 5 %, do not change the health."""
-    for options in (against(), against(joint_stiffness=105.0, link_inertia=0.95)):
-        session = watched(stream(), options)
-        assert session.departures == ()
-        assert session.health.health is Health.CONVERGED
-
-
-def test_a_drive_that_has_departed_is_said_to():
-    """Assert that the health names the parameter with the largest difference, and its size."""
-    session = watched(stream(), against(joint_stiffness=125.0, motor_inertia=0.26))
-    assert [d.name for d in session.departures] == ["joint_stiffness", "motor_inertia"]
-    assert session.departures[0].change == pytest.approx(-0.2, abs=0.005)
-    health, reason = session.health
-    assert health is Health.INCONSISTENT
-    assert reason.startswith("joint_stiffness is ")
-    assert reason.endswith("N m/rad (-20 %), and 125 in the estimate")
-
-
 def estimated(value: float, half: float) -> dict[str, ValueEstimate]:
     """Return a parameter with its interval."""
     ends = (value - half, value + half)
@@ -76,8 +57,8 @@ def result(example_estimate):
     return example_estimate.result
 
 
-def test_a_stream_takes_model_and_filter_of_the_estimate(result):
-    """Assert that a stream takes an estimate's model and filter, unless given otherwise."""
+def test_terms_and_filter_of_a_stream(result):
+    """Assert those of the estimate unless given, and those of a rigid joint by either name."""
     options = options_of(result)
     assert (options.terms, options.hold) == (("gravity", "motor_viscous"), "zero")
     assert options.filter_rate == result.choices.filter_rate
@@ -89,10 +70,6 @@ def test_a_stream_takes_model_and_filter_of_the_estimate(result):
     options = options_of(replace(result, coefficients=result.coefficients | {"beta1": beta}))
     assert options.given == {"beta1": 3.0}
     assert "beta1" not in options.system.coefficients
-
-
-def test_terms_and_filter_are_those_of_the_joint():
-    """Assert terms of a rigid joint, also by the names of a flexible one, and slow filters."""
     assert options_of(kind="rigid").terms == ("gravity", "viscous", "coulomb")
     options = options_of(kind="rigid", terms=("motor_viscous", "viscous_asymmetry"))
     assert options.terms == ("viscous", "viscous_asymmetry")
@@ -122,8 +99,8 @@ def test_what_a_stream_is_not_corrected_by_is_warned_of(result):
     assert "send the input that reaches the motor" in warning
 
 
-def test_what_is_known_narrows():
-    """Assert that a known inertia, exact or with a standard error, narrows other intervals."""
+def test_what_is_known_narrows_or_is_contradicted():
+    """Assert that known inertias narrow other intervals, and that a wrong one is named."""
     free, fixed, nearly = (
         watched(stream(), replace(OPTIONS, known=known, known_deviations=deviations))
         for known, deviations in (
@@ -138,18 +115,21 @@ def test_what_is_known_narrows():
         assert widths[1] < share * widths[0]
     low, high = nearly.parameters["joint_stiffness"].interval
     assert low < 100.0 < high
-
-
-def test_what_is_known_otherwise_is_contradicted():
-    """Assert that a wrong known value is reported as a contradiction."""
     known = replace(OPTIONS, known={"link_inertia": 2.0}, known_deviations={"link_inertia": 0.01})
     health, reason = watched(stream(), known).health
     assert health is Health.INCONSISTENT
     assert "link_inertia is known as 2" in reason
 
 
-def test_no_change_is_a_share_of_what_may_be_zero():
-    """Assert that a difference is given in units if the interval contains zero."""
+def test_a_drive_that_has_departed_is_said_to():
+    """Assert the largest difference by name, in per cent, or in units if zero is possible."""
+    session = watched(stream(), against(joint_stiffness=125.0, motor_inertia=0.26))
+    assert [d.name for d in session.departures] == ["joint_stiffness", "motor_inertia"]
+    assert session.departures[0].change == pytest.approx(-0.2, abs=0.005)
+    health, reason = session.health
+    assert health is Health.INCONSISTENT
+    assert reason.startswith("joint_stiffness is ")
+    assert reason.endswith("N m/rad (-20 %), and 125 in the estimate")
     reference = {"joint_stiffness": (100.0, 0.1), "gravity_torque": (0.5, 0.6)}
     text = as_text(parts(watched(stream(), replace(OPTIONS, reference=reference))))
     assert re.search(r"joint_stiffness .* [+-]\d\.\d %\n", text)

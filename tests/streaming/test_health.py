@@ -1,10 +1,29 @@
-"""Rules of a stream's health, on both sides of their limits, and verdicts."""
+"""Rules of a stream's health, on both sides of their limits, and streams without an input."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
-from moving_joint import LINK, MOTOR, NOISE, H, stream, watched
+from moving_joint import (
+    LINK,
+    MOTOR,
+    NOISE,
+    TIME,
+    TORQUE,
+    TRUTH,
+    H,
+    all_hold,
+    followed,
+    log_text,
+    same,
+    stream,
+    torque,
+    watched,
+)
 
 from flexid.identification.judgement import verdict
+from flexid.models.flexible_joint import flexible_joint
+from flexid.simulation.free_run import free_run
 from flexid.streaming.health import Evidence, Health, Recent, Width, contradicts, judge
 from flexid.streaming.options import WatchOptions
 
@@ -33,7 +52,7 @@ def widths(half: float, apart: float = 0.0, value: float = 100.0):
         ({"bad_share": 0.21}, Health.SENSOR_FAULT, "21 % of the latest samples"),
         ({"bad_share": 0.19}, Health.CONVERGED, ""),
         ({"widths": widths(19.9)}, Health.CONVERGED, ""),
-        ({"widths": widths(0.0012)}, Health.CONVERGED, "within 0.0012 %"),
+        ({"widths": widths(0.0012)}, Health.CONVERGED, "theta2 is known within 0.0012 %"),
         ({"widths": widths(20.1)}, Health.CONVERGING, "within 20 % so far"),
         ({"widths": widths(float("inf"))}, Health.CONVERGING, "no bounds"),
         ({"widths": widths(90.0, 99.0)}, Health.CONVERGING, ""),
@@ -101,3 +120,35 @@ def test_a_friction_that_is_not_there_is_judged_by_what_it_could_do(noise, expec
     effect = 0.5 * (high - low) / float(np.sqrt(np.mean(acceleration**2)))
     assert found.verdict == verdict(found.value, found.interval, effect)[0] == expected
     assert found.verdict != "determined" or verdict(found.value, found.interval)[0] != "determined"
+
+
+OPTIONS = WatchOptions(H, ("gravity",), "link")
+DAMPED = WatchOptions(H, ("gravity", "joint_damping"), "link")
+
+
+def motion(duration: float = 8.0, seed: int = 1) -> np.ndarray:
+    """Return samples without the torque."""
+    return stream(duration, seed)[:, [TIME, LINK, MOTOR]]
+
+
+def test_damping_is_found():
+    """Assert narrow intervals that cover the truth, of damping too: velocities have their size."""
+    damped = {"theta_damping": 0.5, "alpha_damping": 0.5 / 0.3}
+    time = H * np.arange(4000)
+    system = flexible_joint(("gravity", "motor_viscous", "joint_damping"))
+    states = free_run(system, TRUTH | damped, np.zeros(4), torque(time)[:, None], H)
+    positions = states[:, ::2] + 1e-5 * np.random.default_rng(3).standard_normal((len(time), 2))
+    session = watched(np.column_stack((time, positions)), DAMPED)
+    assert all_hold(session, {"theta1": 5.0, "theta2": 100.0, "theta_damping": 0.5})
+    for name, width in (("theta2", 1.0), ("theta_damping", 0.02)):
+        assert np.diff(session.coefficients[name].interval)[0] < width
+    assert session.health.reason.startswith("theta2 is known within")
+
+
+def test_a_log_without_a_torque_is_followed(tmp_path: Path):
+    """Assert that columns decide the model, and that --model link ignores a torque."""
+    for columns, model in (([TIME, LINK, MOTOR], "auto"), ([TIME, LINK, MOTOR, TORQUE], "link")):
+        (tmp_path / "log.csv").write_text(log_text(stream(2.0), *columns))
+        chosen = {"terms": OPTIONS.terms, "sample_time": H, "kind": model}
+        session = followed(tmp_path / "log.csv", chosen).result
+        assert same(session, watched(motion(2.0), OPTIONS))

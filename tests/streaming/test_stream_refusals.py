@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-import pytest
 from moving_joint import CHOSEN, OPTIONS, H, options_of
 
 import flexid
@@ -74,11 +73,8 @@ TIMES = {"steps of 20 s": 20.0 * np.arange(200.0), "no times": np.full(200, np.n
 SOURCES = ("tcp://127.0.0.1:9000", "no/such/file.csv", ".")
 
 
-def test_streams_that_are_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refusals: Any
-) -> None:
+def test_streams_that_are_refused(here: Path, refusals: Any) -> None:
     """Assert that unusable streams are refused, and that the limits themselves are accepted."""
-    monkeypatch.chdir(tmp_path)
     pl.DataFrame({"time": [0.0, 1.0], "motor_position": [0.0, 1.0]}).write_parquet("log.parquet")
     headed = Watch("log.parquet", CHOSEN, header="time")
     long = TextStream("stream", fewest=4)

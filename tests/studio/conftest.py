@@ -1,19 +1,13 @@
 """A running studio, and a log that is identified quickly."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
 
 _LONG = 120_000  # ms, enough to compile a kernel
 
@@ -27,11 +21,8 @@ def short_log(examples: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-Start = Callable[..., AbstractContextManager[str]]
-
-
 @pytest.fixture
-def start() -> Start:
+def start():
     """Return a context manager that runs a studio and yields its address."""
     return started
 
@@ -65,7 +56,7 @@ def empty_address() -> Iterator[str]:
 
 
 @pytest.fixture
-def page(browser: Browser) -> Iterator[Page]:
+def page(browser):
     """Return a new browser window."""
     context = browser.new_context(viewport={"width": 1280, "height": 900})
     opened = context.new_page()

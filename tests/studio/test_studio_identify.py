@@ -1,26 +1,16 @@
 """Identification of a log in the studio, in a browser."""
 
-from __future__ import annotations
-
 import json
 import re
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING
 from urllib.request import Request, urlopen
 
 import pytest
 
 from browser import Watched, serious_faults
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
 
-Start = Callable[..., AbstractContextManager[str]]
-
-
-def tab_to(page: Page, selector: str) -> None:
+def tab_to(page, selector: str) -> None:
     """Move the focus to an element by the keyboard."""
     for _ in range(80):
         page.keyboard.press("Tab")
@@ -29,13 +19,13 @@ def tab_to(page: Page, selector: str) -> None:
     raise AssertionError(f"the keyboard does not lead to {selector}")
 
 
-def send(page: Page, log: Path) -> None:
+def send(page, log: Path) -> None:
     """Upload a log when the page is ready."""
     page.wait_for_selector("#file:enabled")
     page.set_input_files("#file", log)
 
 
-def test_by_keyboard_from_a_log_to_its_files(page: Page, address: str, tmp_path: Path):
+def test_by_keyboard_from_a_log_to_its_files(page, address: str, tmp_path: Path):
     """Assert that check, terms, identification, another run and files need no mouse."""
     watched = Watched(page)
     page.goto(address)
@@ -82,7 +72,7 @@ def test_by_keyboard_from_a_log_to_its_files(page: Page, address: str, tmp_path:
 
 
 @pytest.mark.thorough
-def test_a_log_is_sent_and_its_columns_mapped(page: Page, empty_address: str, tmp_path: Path):
+def test_a_log_is_sent_and_its_columns_mapped(page, empty_address: str, tmp_path: Path):
     """Assert that columns with unclear names are mapped by hand, with units, and checked."""
     log = tmp_path / "raw.csv"
     rows = [f"{k},{k % 50},{(k % 50) * 1.1},{(-1) ** (k // 25)}" for k in range(400)]
@@ -112,7 +102,7 @@ def test_a_log_is_sent_and_its_columns_mapped(page: Page, empty_address: str, tm
 
 
 @pytest.mark.thorough
-def test_a_hostile_log_does_nothing(page: Page, empty_address: str, tmp_path: Path):
+def test_a_hostile_log_does_nothing(page, empty_address: str, tmp_path: Path):
     """Assert that markup in names of columns and of the file is shown as text."""
     watched = Watched(page)
     evil = "<img src=x onerror=alert(1)>"
@@ -142,9 +132,7 @@ def test_nothing_else_is_readable(empty_address: str, path: str):
 
 
 @pytest.mark.thorough
-def test_a_log_is_named_from_where_the_studio_was_started(
-    page: Page, start: Start, short_log: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_log_is_named_from_where_the_studio_was_started(page, start, short_log, monkeypatch):
     """Assert that a relative path leads to the log, also in later windows."""
     monkeypatch.chdir(short_log.parent.parent)
     with start(short_log.relative_to(Path.cwd())) as address:

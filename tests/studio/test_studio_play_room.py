@@ -1,8 +1,6 @@
 """Play: limits of its sliders, its runs, and the room in a browser."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,22 +15,15 @@ from flexid.studio import play as played
 from flexid.studio.choices import READINGS, SLIDERS, TABLE1, read_play
 from flexid.studio.play import play
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
 
-
-def test_it_begins_at_table_one():
-    """Assert that the first view has the paper's loop and an ideal drive."""
+def test_runs_of_an_address():
+    """Assert the paper's loop at first, and a run and a pinned run of one address."""
     paper = table1_loop((1, 2, 3))
     assert TABLE1.loop.parameters.tolist() == pytest.approx(paper.parameters.tolist())
     assert TABLE1.loop.start_estimates.tolist() == paper.start_estimates.tolist()
     assert TABLE1.sampling is None
     assert read_play({}) == TABLE1
     assert set(READINGS) == {"1,2,3", "1,1,3"}
-
-
-def test_an_address_says_all():
-    """Assert that a run and a pinned run are read from one address."""
     held = {"reading": "1,1,3", "k": "80", "sampled": "yes", "torque_limit": "500"}
     chosen = read_play({**held, "pin.amplitude": "0.5"})
     assert (chosen.reading, chosen.values["k"], chosen.sampled) == ("1,1,3", 80.0, True)
@@ -69,19 +60,13 @@ def test_the_readings_differ_as_the_reproduction_says():
     assert found.figure.count("<svg") == 1
 
 
-def test_a_sampled_drive_is_played():
-    """Assert that noise and sampling follow the sliders, with the same figures."""
-    slow = {"k": "5", "sampled": "yes", "sample_time": "0.001", "amplitude": "1", "frequency": "1"}
-    quiet = play(read_play({**slow, "noise": "1e-7"}), None)
-    noisy = play(read_play({**slow, "noise": "0.01"}), None)
-    assert quiet.problems == noisy.problems == ()
-    first, second = numbers(quiet.rows, 1), numbers(noisy.rows, 1)
-    assert np.isfinite([*first.values(), *second.values()]).all()
-    assert second["tracking error"] > first["tracking error"]
-
-
-def test_what_diverges_is_said(monkeypatch: pytest.MonkeyPatch):
-    """Assert that a loop that stops early is reported in one sentence, with the pinned run."""
+def test_runs_that_stop_early_are_said(monkeypatch: pytest.MonkeyPatch):
+    """Assert that a loop which is too stiff, or diverges, is reported, with the pinned run."""
+    place = {"joint_stiffness": "356.284", "link_inertia": "0.479886", "motor_inertia": "1.90409"}
+    place |= {"gravity_torque": "7.80828", "motor_viscous_friction": "0.994425", "k": "9.72432"}
+    place |= {"c": "19.3159", "amplitude": "0.471841", "frequency": "6.3583", "reading": "1,1,3"}
+    (problem,) = play(read_play(place), None).problems
+    assert f"{played._MOST_STEPS} steps did not suffice" in problem
 
     def stopped(loop: ClosedLoop, *settings: Any) -> Run:
         if loop.controller.parameters["k"] > 60.0:
@@ -95,15 +80,6 @@ def test_what_diverges_is_said(monkeypatch: pytest.MonkeyPatch):
     assert found.rows[0][2] != ""
 
 
-def test_a_run_that_would_take_long_is_given_up():
-    """Assert that a run which is too stiff stops after a limited number of steps."""
-    place = {"joint_stiffness": "356.284", "link_inertia": "0.479886", "motor_inertia": "1.90409"}
-    place |= {"gravity_torque": "7.80828", "motor_viscous_friction": "0.994425", "k": "9.72432"}
-    place |= {"c": "19.3159", "amplitude": "0.471841", "frequency": "6.3583", "reading": "1,1,3"}
-    (problem,) = play(read_play(place), None).problems
-    assert f"{played._MOST_STEPS} steps did not suffice" in problem
-
-
 def test_the_tolerance_suffices_for_what_is_shown():
     """Assert that figures of a stiff loop agree with a run at smaller tolerances."""
     place = {"reading": "1,1,3", "k": "121", "c": "0.0385", "amplitude": "5.29"}
@@ -115,8 +91,15 @@ def test_the_tolerance_suffices_for_what_is_shown():
         assert rows[f"error of {SYMBOLS[name]}"] == pytest.approx(value, rel=0.06, abs=1e-6)
 
 
-def test_where_the_true_value_is_zero_the_error_has_its_unit():
-    """Assert that errors of a zero value have its unit, and no curve in per cent."""
+def test_sampled_drives_and_zero_values():
+    """Assert figures that follow noise and sampling, and errors of zero values in their unit."""
+    slow = {"k": "5", "sampled": "yes", "sample_time": "0.001", "amplitude": "1", "frequency": "1"}
+    quiet = play(read_play({**slow, "noise": "1e-7"}), None)
+    noisy = play(read_play({**slow, "noise": "0.01"}), None)
+    assert quiet.problems == noisy.problems == ()
+    first, second = numbers(quiet.rows, 1), numbers(noisy.rows, 1)
+    assert np.isfinite([*first.values(), *second.values()]).all()
+    assert second["tracking error"] > first["tracking error"]
     found = play(read_play({"gravity_torque": "0", "motor_viscous_friction": "0"}), None)
     rows = {label: run for label, run, _ in found.rows}
     shares = {label: text.endswith(" %") for label, text in rows.items() if "error of" in label}
@@ -127,13 +110,13 @@ def test_where_the_true_value_is_zero_the_error_has_its_unit():
     assert [symbol in found.figure for symbol in SYMBOLS.values()] == [False, True, True, False]
 
 
-def cell(page: Page, column: int) -> str:
+def cell(page, column: int) -> str:
     """Return the tracking error of this run, or of the pinned one."""
     return page.inner_text(f"#play-figures tbody tr:first-child td:nth-child({column + 1})")
 
 
 @pytest.mark.thorough
-def test_the_misprint_is_one_click_away(page: Page, empty_address: str):
+def test_the_misprint_is_one_click_away(page, empty_address: str):
     """Assert that the other reading is one click away, next to the first, and kept in the link."""
     watched = Watched(page)
     page.goto(empty_address)
@@ -156,7 +139,7 @@ def test_the_misprint_is_one_click_away(page: Page, empty_address: str):
 
 
 @pytest.mark.thorough
-def test_a_slider_is_moved_pinned_and_put_back(page: Page, empty_address: str):
+def test_a_slider_is_moved_pinned_and_put_back(page, empty_address: str):
     """Assert that keys move a slider, that the run can be pinned, and that a reset works."""
     page.goto(f"{empty_address}?room=play&pin=none")
     page.wait_for_selector("#play-figures table")

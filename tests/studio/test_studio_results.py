@@ -1,6 +1,4 @@
-"""Results of a window: files kept, replaced and removed."""
-
-from __future__ import annotations
+"""Choices of a window from its address, and its results: files kept, replaced and removed."""
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
@@ -11,9 +9,71 @@ from typing import Any
 
 import pytest
 
+from flexid.errors import SettingError
+from flexid.recording.recording import SI_UNITS
 from flexid.studio import jobs
+from flexid.studio.choices import Choices, Source, read_choices, read_play
 from flexid.studio.jobs import JobError, Workers
 from flexid.studio.window import Offer, Rooms, Window
+
+
+def test_an_address_says_all():
+    """Assert that every choice of a form is read, and that terms have one order."""
+    values = {
+        "column.motor_position": "q & <b>",
+        "unit.motor_position": "deg",
+        "scale.motor_position": "-0.5",
+        "offset.motor_position": "1e-9",
+        "column.time": "t",
+        "gear_ratio": "101",
+        "lead": "1/200",
+        "model": "flexible",
+        "hold": "zero",
+        "terms": "motor_viscous,gravity,motor_viscous",
+        "ran": "yes",
+    }
+    sources = {"motor_position": Source("q & <b>", "deg", -0.5, 1e-9), "time": Source("t")}
+    terms = ("gravity", "motor_viscous")
+    assert read_choices(values) == Choices(sources, 101.0, "flexible", "zero", terms, True, 0.005)
+    assert read_choices({}) == Choices()
+    assert read_choices({"terms": ""}).terms == ()  # other than in the log
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"model": "../../etc/passwd"},
+        {"hold": "<script>"},
+        {"terms": "gravity,nonsense"},
+        {"column.time": "t", "scale.time": "nan"},
+        {"column.time": "t", "gear_ratio": "1/0"},
+        {"column.time": "t", "offset.time": "1e999"},
+        {"column.time": "t" * 1000},
+        {f"key{i}": "" for i in range(1000)},
+        "no mapping",
+        None,
+        {"reading": "9,9,9"},
+    ],
+)
+def test_what_cannot_be_meant_is_refused(values: object):
+    """Assert that an address with invalid values is refused in one sentence, in either room."""
+    with pytest.raises(SettingError):
+        [read(values) for read in (read_choices, read_play)]
+
+
+def test_choices_as_a_column_map():
+    """Assert a map of the differences from the file, without what is unknown or no text."""
+    choices = read_choices({"column.time": "t", "column.motor_position": "q", "gear_ratio": "101"})
+    assert choices.column_map == {
+        **dict.fromkeys(SI_UNITS, False),
+        "time": {"column": "t"},
+        "motor_position": {"column": "q"},
+        "gear_ratio": 101.0,
+    }
+    assert Choices().column_map is None
+    assert read_choices({"column.time": "t", "gear_ratio": "1/101"}).gear_ratio == 1.0 / 101.0
+    hostile = {"log": "../../etc/passwd", "column.password": "x", "ran": True, 3: "x", "model": 3}
+    assert read_choices(hostile) == Choices()
 
 
 class Here(Workers):
@@ -22,7 +82,6 @@ class Here(Workers):
     def __init__(self) -> None:
         super().__init__(0)
         self.runs = 0
-        self.checks = 0
         self.hold: asyncio.Event | None = None
         self.exported: list[float] = []
 
@@ -35,7 +94,6 @@ class Here(Workers):
             self.exported.append(sample_time)
             (Path(into) / f"{target}.zip").write_text((Path(into) / jobs.ESTIMATE).read_text())
             return f"{target}.zip", ("alpha2 <is> undetermined",)
-        self.checks += job is jobs.check
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(folder)
             return job(*arguments)
@@ -139,14 +197,6 @@ async def test_a_cancelled_run_leaves_what_is_shown(studio: Opened):
     assert sorted(files) == ["estimate.json", "mjcf.zip", "report.html"]
 
 
-async def test_a_bad_address_is_said_beside_the_log(studio: Opened, short_log: Path):
-    """Assert that reading the command line's log does not remove the message of a bad address."""
-    studio.window.offer = Offer(short_log, *[studio.workers] * 3)
-    await studio.room.open({"model": "nonsense"})
-    await studio.idle()
-    assert "is not one of auto" in studio.shown("log-problem")
-
-
 async def test_other_columns_do_not_change_what_was_found(studio: Opened):
     """Assert that other columns are checked, and that exports still use the earlier result."""
     await studio.identify("a.csv")
@@ -161,21 +211,18 @@ async def test_other_columns_do_not_change_what_was_found(studio: Opened):
     assert "<li>alpha2 &lt;is&gt; undetermined</li>" in studio.shown("export-state")
 
 
-async def test_a_log_that_is_sent_replaces_another(studio: Opened):
-    """Assert that a new upload replaces the earlier log and its results."""
+async def test_logs_replace_each_other(studio: Opened, short_log: Path):
+    """Assert that an upload replaces another, and not the log of the command line."""
     first = await studio.identify("a.csv")
     second = studio.upload("b.csv")
     await studio.idle()
     assert not first.exists()
     assert [*studio.window.folder.iterdir()] == [second]
     assert studio.window.files == {}
-
-
-async def test_the_log_of_the_command_line_is_kept(studio: Opened, short_log: Path):
-    """Assert that an upload does not delete the log of the command line."""
-    own = Offer(short_log, *[studio.workers] * 3)
-    studio.window.offer = own
-    await studio.room.open({})
+    studio.window.offer = Offer(short_log, *[studio.workers] * 3)
+    await studio.room.open({"model": "nonsense"})
+    await studio.idle()
+    assert "is not one of auto" in studio.shown("log-problem")
     studio.upload("a.csv")
     await studio.idle()
     assert short_log.exists()

@@ -1,7 +1,5 @@
 """The studio's server: access control, uploads, and security headers."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
 from collections.abc import AsyncIterator
@@ -113,9 +111,7 @@ def test_other_kinds_are_refused(name: str):
 
 
 @pytest.mark.parametrize(("parts", "status"), [((b"12345", b"678901"), 413), ((), 400)])
-def test_size_is_bounded(
-    parts: tuple[bytes, ...], status: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_size_is_bounded(parts: tuple[bytes, ...], status: int, tmp_path: Path, monkeypatch: Any):
     """Assert that oversized and empty uploads are refused, and the log in use is kept."""
     monkeypatch.setattr(guard, "LARGEST_UPLOAD", 10)
     before = asyncio.run(save(chunks(b"time", b",q\n"), "a.csv", tmp_path))
@@ -127,19 +123,15 @@ def test_size_is_bounded(
     assert [*tmp_path.iterdir()] == [before]
 
 
-def test_without_the_package(flexid, monkeypatch: pytest.MonkeyPatch):
-    """Assert that a missing package is reported with its extra."""
-    monkeypatch.setattr(studio, "find_spec", lambda _: None)
-    outcome = flexid("studio", "--no-browser")
-    assert outcome.status == 2
-    assert "pip install 'flexid[studio]'" in outcome.stderr
-
-
-def test_a_port_that_is_taken(flexid):
-    """Assert that an occupied port is refused with another one."""
+def test_a_studio_that_cannot_start(flexid, monkeypatch: pytest.MonkeyPatch):
+    """Assert that an occupied port, and a missing package, are refused with the remedy."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         outcome = flexid("studio", "--no-browser", "--port", port)
     assert outcome.status == 2
     assert f"port {port}" in outcome.stderr
     assert "--port" in outcome.stderr
+    monkeypatch.setattr(studio, "find_spec", lambda _: None)
+    outcome = flexid("studio", "--no-browser")
+    assert outcome.status == 2
+    assert "pip install 'flexid[studio]'" in outcome.stderr

@@ -1,7 +1,5 @@
 """Worker processes of the studio, and many windows at once."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import sys
@@ -53,19 +51,6 @@ async def test_a_job_is_done_in_its_folder(tmp_path: Path):
     assert first[2] != os.getpid()
 
 
-async def test_what_fails_is_said_and_work_goes_on(tmp_path: Path):
-    """Assert that bad input, a defect, or the end of a process does not stop other jobs."""
-    workers = Workers(1)
-    for job, kind, words in (
-        (fail, SettingError, "port"),
-        (stumble, JobError, "defect"),
-        (die, JobError, "ended early"),
-    ):
-        with pytest.raises(kind, match=words):
-            await workers.run(job, folder=tmp_path)
-    assert (await workers.run(echo, "a", folder=tmp_path))[0] == "a"
-
-
 async def test_a_cancelled_job_makes_room(tmp_path: Path):
     """Assert that jobs wait for a free process, and that cancelling frees one."""
     workers = Workers(1)
@@ -82,8 +67,17 @@ async def test_a_cancelled_job_makes_room(tmp_path: Path):
     assert (await waiting)[0] == "b"
 
 
-async def test_a_folder_that_is_gone_is_said(tmp_path: Path):
-    """Assert that a deleted folder of a log ends neither the process nor the wait."""
+async def test_what_fails_is_said_and_work_goes_on(tmp_path: Path):
+    """Assert that bad input, a defect, a process's end or a lost folder stops no other job."""
+    workers = Workers(1)
+    for job, kind, words in (
+        (fail, SettingError, "port"),
+        (stumble, JobError, "defect"),
+        (die, JobError, "ended early"),
+    ):
+        with pytest.raises(kind, match=words):
+            await workers.run(job, folder=tmp_path)
+    assert (await workers.run(echo, "a", folder=tmp_path))[0] == "a"
     workers = Workers(1)
     with pytest.raises(JobError, match="folder of the log cannot be entered"):
         await workers.run(echo, "a", folder=tmp_path / "gone")

@@ -1,15 +1,27 @@
-"""Drawn charts, in a file and in a page, compared with their description."""
+"""Charts: drawn as described, with the values found, in a file and in a page."""
 
 import re
+from pathlib import Path
+from typing import TypeVar
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from shown import chart_lines, check
 
+from flexid.experiments.experiment import read_experiment
+from flexid.identification.vocabulary.evidence import FreeRun, Validation
+from flexid.library.simulate import SimulatedRun
 from flexid.report.chart import Axis, Band, Chart, Level, Line, Panel, kept_samples, whole_decades
 from flexid.report.figure import COLOURS, chart_html, draw, drawn_once
-from flexid.report.response_charts import autocorrelation
+from flexid.report.page import page_html
+from flexid.report.reproduction import charts as reproduction_charts
+from flexid.report.reproduction import parts
+from flexid.report.response_charts import autocorrelation, free_run_chart, residual_chart
+from flexid.report.simulated_run import motion_chart, observer_chart
+from flexid.report.terminal import print_parts
+from flexid.simulation.closed_loop import Run
 
 X = np.array([1.0, 10.0, 100.0])
 Y = np.array([2.0, np.nan, 4.0])
@@ -25,8 +37,8 @@ def panel(*marks, x=None, y=None, **layout) -> Panel:
     return Panel("a title", x or Axis("time", "s"), y or Axis("angle", "rad"), marks, **layout)
 
 
-def test_every_mark_is_drawn_as_it_is():
-    """Assert that values, colours, strokes and labels equal those of the marks."""
+def test_marks_and_axes_are_as_described():
+    """Assert values, colours, strokes and labels of marks; units, scale and steps of axes."""
     line = Line("line", X, Y, "red", 2.5, "dotted")
     band, level = Band("band", X, -X, X, "green"), Level("level", 3.0, "x", "orange", "dashed")
     (ax,) = draw(chart(panel(band, line, level))).axes
@@ -38,10 +50,6 @@ def test_every_mark_is_drawn_as_it_is():
     (shade,) = ax.collections
     assert np.array_equal(shade.get_datalim(ax.transData).intervaly, [-100.0, 100.0])
     assert to_hex(np.asarray(shade.get_facecolor())[0]) == COLOURS["green"]
-
-
-def test_axes_have_labels_units_scale_and_limits():
-    """Assert that an axis equals its description, with numbers at its steps."""
     x = Axis("frequency", "Hz", logarithmic=True, limits=(0.1, 1000.0))
     y = Axis("phase", "°", limits=(-180.0, 90.0), step=90.0)
     (ax,) = draw(chart(panel(Line("", X, Y), x=x, y=y))).axes
@@ -72,8 +80,8 @@ def test_the_legend_is_no_wider_than_the_figure(length):
     assert box.y1 < figure.axes[0].get_window_extent().y0
 
 
-def test_what_panels_share_is_labelled_once():
-    """Assert that the panels of a column share x, with one label at the lowest panel."""
+def test_layout_of_panels():
+    """Assert that a column shares x with one label, and that spans and heights are kept."""
     y = Axis("angle", "rad", limits=(0.0, 500.0))
     panels = [panel(Line("", X, k * X), y=y) for k in range(1, 5)]
     axes = draw(chart(*panels, columns=2)).axes
@@ -85,10 +93,6 @@ def test_what_panels_share_is_labelled_once():
     free = draw(chart(panel(Line("", X, X)), panel(Line("", X, 9.0 * X)), columns=2)).axes
     assert [ax.get_ylabel() for ax in free] == ["angle (rad)"] * 2
     assert free[1].get_ylim()[1] > 5.0 * free[0].get_ylim()[1]
-
-
-def test_panels_are_as_wide_and_high_as_they_ask():
-    """Assert that a panel over both columns has its own row, and that heights are kept."""
     line = Line("", X, Y)
     wide = panel(line, span=2, height=2.0)
     figure = draw(chart(wide, panel(line), panel(line), columns=2))
@@ -125,15 +129,8 @@ def test_text_is_no_formula():
     ElementTree.fromstring(chart_html(chart(formula, title=name)))
 
 
-def test_whole_decades_hold_the_values():
-    """Assert at least one decade, with powers of ten as limits."""
-    assert whole_decades(np.array([3.0, 4.0])) == (1.0, 10.0)
-    assert whole_decades(np.array([10.0, 10.0])) == (10.0, 100.0)
-    assert whole_decades(np.array([0.02, 1e3, 0.0, np.nan])) == (0.01, 1e3)
-
-
-def test_a_page_draws_the_same_line():
-    """Assert that points of a line in SVG agree with Matplotlib's to a tenth."""
+def test_figures_of_a_page():
+    """Assert Matplotlib's points to a tenth, text as text, the page's colours, and no style."""
     made = chart(panel(Line("", X, X**0.5), y=Axis("size", logarithmic=True)))
     figure = drawn_once(made)
     (ax,) = figure.axes
@@ -143,10 +140,6 @@ def test_a_page_draws_the_same_line():
     paths = [path.get("d", "") for path in svg.iter("{http://www.w3.org/2000/svg}path")]
     found = [np.array(re.findall(r"[-.\d]+", path), dtype=float) for path in paths]
     assert any(len(f) == 6 and np.abs(f - pixels.ravel()).max() < 0.06 for f in found)
-
-
-def test_a_figure_of_a_page_has_its_words_colours_and_no_style():
-    """Assert that text is text, colours are the page's, and there is no inline style."""
     marks = Band("band", X, -X, X, "grey"), Line("line", X, X)
     html = chart_html(chart(panel(*marks), title='<b> & "c"'))
     assert html.count('aria-label="&lt;b&gt; &amp; &quot;c&quot;"') == html.count("<svg") == 1
@@ -157,9 +150,95 @@ def test_a_figure_of_a_page_has_its_words_colours_and_no_style():
     assert chart_html(chart(panel(*marks), title='<b> & "c"')) == html
 
 
-def test_autocorrelation_of_an_alternation():
-    """Assert that the autocorrelation alternates with the lag; a constant has 1 at lag 0."""
+def test_numbers_of_charts():
+    """Assert powers of ten as limits, and an autocorrelation that alternates with the lag."""
+    assert whole_decades(np.array([3.0, 4.0])) == (1.0, 10.0)
+    assert whole_decades(np.array([10.0, 10.0])) == (10.0, 100.0)
+    assert whole_decades(np.array([0.02, 1e3, 0.0, np.nan])) == (0.01, 1e3)
     np.testing.assert_allclose(
         autocorrelation(np.array([1.0, -1.0, 1.0, -1.0])), [1, -0.75, 0.5, -0.25]
     )
     assert autocorrelation(np.zeros(3)).tolist() == [1.0, 0.0, 0.0]
+
+
+M = TypeVar("M")
+
+
+def marks_of(panel: Panel, kind: type[M]) -> list[M]:
+    """Return marks of one kind."""
+    return [mark for mark in panel.marks if isinstance(mark, kind)]
+
+
+def test_channels_of_several_joints_have_units_of_their_own():
+    """Assert the labels and units of axes, for joints that turn and slide."""
+    seen = np.random.default_rng(3).standard_normal((20, 2))
+    runs = (FreeRun(np.arange(20.0), seen, np.zeros_like(seen)),)
+    fits = {"link_position_1": 90.0, "deflection_2": 80.0}
+    chart = free_run_chart("fit", "", Validation(fits, runs), {}, ("revolute", "prismatic"))
+    axes = [(panel.y.label, panel.y.unit) for panel in chart.panels]
+    assert axes[::2] == [("position", "rad"), ("deflection", "m")]
+    assert axes[1::2] == [("residual", "rad"), ("residual", "m")]
+
+
+def test_residuals_that_repeat_leave_the_band():
+    """Assert that noise is outside its band in a twentieth of the lags, and a sine in most."""
+    generator = np.random.default_rng(3)
+    time = np.linspace(0.0, 20.0, 20_001)
+    noise = generator.standard_normal(len(time))
+    measured = np.column_stack([noise, noise + np.sin(2.0 * time)])
+    runs = (FreeRun(time, measured, np.zeros_like(measured)),)
+    chart = residual_chart(
+        Validation({"link_position": 1.0, "motor_position": 1.0}, runs), ("revolute",)
+    )
+    assert [panel.x.label for panel in chart.panels] == ["time", "lag"] * 2
+    shares = []
+    for panel in chart.panels[1::2]:
+        (band,), (line,) = marks_of(panel, Band), marks_of(panel, Line)
+        assert line.x[0] == 0.0
+        assert line.y[0] == pytest.approx(1.0)
+        shares.append(np.mean(np.abs(line.y[1:]) > band.high[0]))
+    assert 0.03 < shares[0] < 0.07
+    assert shares[1] > 0.8
+    diverged = (FreeRun(time, measured, np.full_like(measured, np.inf)),)
+    lost = residual_chart(
+        Validation({"link_position": -np.inf, "motor_position": 0.0}, diverged), ("revolute",)
+    )
+    assert not marks_of(lost.panels[1], Line)
+
+
+EXPERIMENT = read_experiment(Path(__file__).parents[2] / "experiments" / "huang2003.toml")
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    """Return a run of Table I for some seconds."""
+    return EXPERIMENT.with_values({"run.duration": 25.0}).run()
+
+
+def test_a_run_is_shown(run: Run, request: pytest.FixtureRequest):
+    """Assert table, figures and command on the page, and marks with the first torque cut off."""
+    made = page_html(SimulatedRun(EXPERIMENT, run)._page("flexid simulate x"))
+    assert made.count('class="chart"') == 2
+    for text in ("theta1", "Tracking error:", "flexid simulate x", EXPERIMENT.digest):
+        assert text in made
+    charts = motion_chart("Table I", run), observer_chart("Table I", run)
+    lines = (line for chart in charts for line in chart_lines(chart))
+    check("run_charts", lines, request, computed=True)
+
+
+def test_the_reproduction_is_shown(reproduction, request: pytest.FixtureRequest, capsys):
+    """Assert marks of the figures, each claim's verdict and values, and tables of 80 columns."""
+    charts = reproduction_charts(reproduction)
+    lines = (line for chart in charts for line in chart_lines(chart))
+    check("reproduction_charts", lines, request, computed=True)
+    lines = (
+        f"{claim.key}, {claim.verdict}: {one.subject}, {one.quantity} "
+        f"{one.value * (abs(one.value) > 1e-6):.3e} {one.unit}"
+        for claim in reproduction.claims
+        for one in claim.findings
+    )
+    check("claims", lines, request, computed=True)
+    print_parts(parts(reproduction))
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert sum("holds" in line or "does not hold" in line for line in lines) >= 15

@@ -1,0 +1,259 @@
+"""Commands from files on disk to printed tables, JSON, files and exit status."""
+
+import json
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from tests.campaigns.tiny import EXPERIMENT, write_experiment
+
+import flexid as library
+import flexid as package
+from flexid import load
+from flexid.arrays import to_json
+from flexid.experiments.experiment import read_experiment
+from flexid.stored_estimates.estimate_file import estimate_document
+from made_estimates import STIFFER, TRUE, drawn, exact, with_parameter
+
+PAPER = ("gravity_torque", "link_inertia", "joint_stiffness", "motor_inertia")
+PAPER += ("motor_viscous_friction",)
+
+
+def test_example_recovers_the_truth(flexid, examples, tmp_path):
+    """Assert right and determined values (one of ten intervals may miss), and the files."""
+    outcome = flexid("identify", examples / "flexible_joint.csv", "--out", tmp_path / "out")
+    assert outcome.status == 0, outcome.stderr
+    assert all(name in outcome.stdout for name in (*PAPER, *TRUE))
+    assert max(map(len, outcome.stdout.splitlines())) <= 80
+    assert "…" not in outcome.stdout
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"report.html", "estimate.json", "fit.png", "residuals.png", "bode.png"}
+    document = json.loads((tmp_path / "out" / "estimate.json").read_text())
+    assert not set(document["parameters"]) & set(document["removed"])
+    assert document["parameters"]["joint_stiffness"]["unit"] == "N m/rad"
+    assert len(document["provenance"]["inputs"][0]["sha256"]) == 64
+    truth = tomllib.loads((examples / "flexible_joint_truth.toml").read_text())
+    missed = 0
+    for kind in ("coefficients", "parameters"):
+        assert set(document[kind]) == set(truth[kind])
+        for name, true in truth[kind].items():
+            lower, upper = document[kind][name]["interval"]
+            missed += not lower <= true["value"] <= upper
+            off = abs(document[kind][name]["value"] - true["value"])
+            assert off <= 3 * document[kind][name]["std"], name
+            assert document[kind][name]["verdict"] == "determined"
+    assert missed <= 1
+    assert all(fit > 99 for fit in document["validation"]["fit_percent"].values())
+    assert list(document["validation"]["horizons"]) == ["0.05", "0.2", "1", "5"]
+    assert document["choices"]["hold"] == "zero"
+    friction = document["removed"]["motor_coulomb_friction"]["interval"]
+    assert max(map(abs, friction)) < 1e-3
+    assert document["warnings"] == []
+
+
+def test_motion_alone_gives_the_link(flexid, examples, tmp_path):
+    """Assert that a log without a torque gives table, document and figures of the link."""
+    log, path = examples / "flexible_joint.csv", tmp_path / "motion.csv"
+    pl.read_csv(log).drop("motor_torque [N m]").write_csv(path)
+    outcome = flexid("identify", path, "--out", tmp_path / "out", "--explain")
+    assert outcome.status == 0, outcome.stderr
+    assert "the link alone, since the log has no input" in " ".join(outcome.stdout.split())
+    document = json.loads((tmp_path / "out" / "estimate.json").read_text())
+    assert document["model"] == "link"
+    assert set(document["coefficients"]) == {"theta1", "theta2"}
+    for name in ("theta1", "theta2"):
+        lower, upper = document["coefficients"][name]["interval"]
+        assert lower <= TRUE[name] <= upper
+    assert {"fit.png", "bode.png"} <= {file.name for file in (tmp_path / "out").iterdir()}
+    assert load(tmp_path / "out" / "estimate.json").model == "link"
+    assert flexid("validate", tmp_path / "out" / "estimate.json", log).status == 0
+    assert flexid("excitation", path).status == 0
+
+
+def stored(folder: Path, estimate) -> Path:
+    """Return a folder as written by `flexid identify --out`."""
+    folder.mkdir()
+    (folder / "estimate.json").write_text(to_json(estimate_document(estimate)))
+    return folder
+
+
+@pytest.fixture
+def folders(tmp_path):
+    """Return folders of one drive twice, and of a stiffer one."""
+    trues = {"before": TRUE, "again": TRUE, "after": STIFFER}
+    return {name: stored(tmp_path / name, exact(true, name)) for name, true in trues.items()}
+
+
+def test_documents_agree(flexid, folders, tmp_path):
+    """Assert that the printed, written and returned JSON documents are equal."""
+    pair = folders["before"], folders["after"]
+    printed = json.loads(flexid("compare", *pair, "--json").stdout)
+    flexid("compare", *pair, "--out", tmp_path / "out")
+    written = json.loads((tmp_path / "out" / "comparison.json").read_text())
+    assert written == printed
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert page.startswith("<!DOCTYPE html>")
+    assert "flexid compare" in page
+    found = library.compare(*pair)
+    assert found.document == printed
+    stiffness = printed["parameters"]["joint_stiffness"]
+    assert stiffness["outcome"] == "changed"
+    assert stiffness["interval"][0] < 10.0 < stiffness["interval"][1]
+    assert printed["a"] == str(pair[0] / "estimate.json")
+
+
+def test_the_library_takes_whatever_holds_an_estimate(folders):
+    """Assert that estimates, folders, files and documents give the same comparison."""
+    file = folders["before"] / "estimate.json"
+    other = library.load(folders["after"])
+    forms = (library.load(file), folders["before"], str(file), json.loads(file.read_text()))
+    answers = [library.compare(form, other) for form in forms]
+    assert len({str(answer.document["parameters"]) for answer in answers}) == 1
+    answer = answers[0]
+    assert answer.changed == ("joint_stiffness",)
+    assert not answer.agree
+    assert repr(answer) == "<EstimateComparison: 5 compared, changed: joint_stiffness>"
+    assert "Changed: joint_stiffness" in answer.summary()
+    assert "&lt;" not in answer._repr_html_()
+
+
+def test_what_does_not_agree_is_status_1(flexid, folders, tmp_path):
+    """Assert 0 for one drive twice, and 1 for a change or an undetermined value, with names."""
+    outcome = flexid("compare", folders["before"], folders["again"])
+    assert (outcome.status, outcome.stderr) == (0, "")
+    assert "No change was found in 5 numbers" in outcome.stdout
+    files = [folders[name] / "estimate.json" for name in ("before", "after")]
+    outcome = flexid("compare", *files)
+    assert outcome.status == 1
+    assert "Changed: joint_stiffness by 1" in outcome.stdout
+    rng = np.random.default_rng(3)
+    infinite = {"std": np.inf, "interval": (-np.inf, np.inf), "verdict": "undetermined"}
+    vague = with_parameter(drawn(rng), "joint_stiffness", reason="nothing on it", **infinite)
+    outcome = flexid("compare", folders["before"], stored(tmp_path / "vague", vague))
+    assert outcome.status == 1
+    said = " ".join(outcome.stdout.split())
+    assert "joint_stiffness: in B nothing on it" in said
+    assert "Not determined in A or in B, and so not compared: joint_stiffness." in said
+
+
+def test_notes_are_on_stderr(flexid, examples: Path):
+    """Assert that a required u' and numerical integrals are noted on stderr, with JSON too."""
+    done = flexid("derive", "flexible-joint", "--unknown-input-gain", "--to", "c")
+    assert done.status == 0
+    assert "u_rate" in done.stderr
+    assert "note" not in done.stdout
+    model = examples / "models" / "stribeck.toml"
+    done = flexid("derive", model)
+    assert done.status == 0
+    assert "stribeck; integrated numerically" in done.stderr
+    done = flexid("derive", model, "--to", "c", "--json")
+    document = json.loads(done.stdout)
+    assert document["to"] == "c"
+    assert "rate[" in document["text"]
+    assert "integrated numerically" in document["notes"][0]
+
+
+def test_exported_files_are_listed(flexid, tmp_path: Path):
+    """Assert that --json lists the written files."""
+    options = ("--to", "c99", "--sample-time", "0.001", "--out", str(tmp_path), "--json")
+    done = flexid("export", "flexible-joint", *options)
+    assert done.status == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert {Path(path).name for path in document["files"]} == {p.name for p in tmp_path.iterdir()}
+    assert document["files"]
+
+
+FOLDER = Path(__file__).parents[2] / "experiments"
+TABLE1 = FOLDER / "huang2003.toml"
+SHORT = ("--set", "run.duration=1")
+
+
+def test_a_run_is_written_whole_or_not_at_all(flexid: Callable, tmp_path: Path):
+    """Assert no files and a time if a loop diverges, and else series, summary and figures."""
+    out = tmp_path / "run"
+    steps = ("--set", "run.maximum_steps=100")
+    outcome = flexid("simulate", TABLE1, "--out", out, *steps)
+    assert outcome.status == 1
+    assert outcome.stdout == ""
+    assert "simulation stopped at t = " in outcome.stderr
+    assert "100 steps did not suffice" in outcome.stderr
+    assert not out.exists()
+    out = tmp_path / "run"
+    asked = ("--csv", "--json", "--set", "controller.k=40")
+    outcome = flexid("simulate", TABLE1, "--out", out, *SHORT, *asked)
+    assert outcome.status == 0, outcome.stderr
+    assert outcome.stdout == (out / "run.json").read_text(encoding="utf-8")
+    assert {file.name for file in out.iterdir()} == {
+        "run.parquet", "run.csv", "log.parquet", "log.csv", "run.json", "motion.png",
+        "estimates.png", "report.html",
+    }  # fmt: skip
+    series = pl.read_parquet(out / "run.parquet")
+    assert series.equals(pl.read_csv(out / "run.csv"))
+    summary = json.loads(outcome.stdout)
+    experiment = read_experiment(TABLE1).with_values({"run.duration": 1.0, "controller.k": 40.0})
+    run = experiment.run()
+    assert np.array_equal(series["theta2_error [1/s^2]"], run.parameter_errors[:, 1])
+    assert np.array_equal(series["link_position [rad]"], run.states[:, 0])
+    assert summary["coefficients"]["theta2"]["final"] == series["theta2_estimate [1/s^2]"][-1]
+    assert summary["statistics"] == run.statistics
+    assert summary["provenance"]["experiment_digest"] == experiment.digest
+    assert summary["provenance"]["flexid_version"] == package.__version__
+    assert summary["provenance"]["tables"]["controller"]["k"] == 40.0
+
+
+@pytest.fixture
+def tiny(tmp_path):
+    """Return the tiny campaign."""
+    return write_experiment(tmp_path / "tiny.toml")
+
+
+def test_a_campaign_is_run_and_summarised(flexid, tiny, tmp_path):
+    """Assert that the command prints the counts of runs, and the summary their results."""
+    out = tmp_path / "out"
+    run = flexid("campaign", tiny, "--out", out)
+    assert (run.status, run.stderr) == (0, "")
+    assert run.stdout.splitlines()[0] == f"12 runs in {out}: finished 12"
+    summary = flexid("campaign", "--summary", out)
+    assert summary.status == 0
+    assert "finished 12 (100 %)" in summary.stdout
+    assert "tracking_rms" in summary.stdout
+    assert max(map(len, summary.stdout.splitlines())) <= 80
+    document = json.loads((out / "summary.json").read_text())
+    assert document["results"]["tracking_rms"]["finite"] == 12
+    assert json.loads(flexid("campaign", "--summary", out, "--json").stdout) == document
+
+
+def test_a_campaign_in_which_nothing_finishes(flexid, tmp_path):
+    """Assert that a campaign without a finished run is done, and that its summary exits with 1."""
+    campaign = '[campaign]\nkind = "grid"\nvary.controller.derivative = [1e9, 2e9]\n'
+    text = EXPERIMENT.replace("duration = 0.1", "duration = 1.0")
+    path = write_experiment(tmp_path / "tiny.toml", campaign, text)
+    run = flexid("campaign", path, "--out", tmp_path / "out")
+    assert run.status == 0
+    assert run.stdout.splitlines()[0].endswith("diverged 2")
+    summary = flexid("campaign", "--summary", tmp_path / "out")
+    assert summary.status == 1
+    assert "diverged 2 (100 %)" in summary.stdout
+
+
+def test_the_paper_is_reproduced(flexid, reproduction, tmp_path, monkeypatch):
+    """Assert that figures, page and result are written, and that --json prints the result alone."""
+    monkeypatch.setattr("flexid.studies.reproduction.reproduce", lambda _: reproduction)
+    out = tmp_path / "new" / "directory"
+    run = flexid("reproduce", "--json", "--out", out)
+    assert run.status == 0, run.stderr
+    names = [*(f"figure{number}" for number in range(1, 6)), "theorem1"]
+    expected = {f"{name}.{extension}" for name in names for extension in ("png", "pdf")}
+    assert {file.name for file in out.iterdir()} == expected | {"result.json", "report.html"}
+    assert all(file.stat().st_size > 5000 for file in out.iterdir())
+    result = json.loads((out / "result.json").read_text(encoding="utf-8"))
+    assert json.loads(run.stdout) == result
+    assert set(result["readings"]) == {"1,2,3", "1,1,3"}
+    for reading in result["readings"].values():
+        assert set(reading["parameter_errors_at_30s"]) == {"theta1", "theta2", "alpha1", "alpha2"}
+        assert reading["max_tracking_error_20_30"] > 0
+        assert len(reading["poles"]) == 4
+    assert {"key", "source", "statement", "verdict", "findings"} == set(result["claims"][0])
