@@ -5,7 +5,7 @@ from math import isfinite
 from typing import Any
 
 from flexid.experiments.campaign_store import QUANTILES, Summary
-from flexid.report.terminal import Column, Part, Table, number, numbers
+from flexid.report.terminal import Part, Table, number, numbers
 
 
 def parts(summary: Summary) -> Iterator[Part]:
@@ -31,7 +31,7 @@ def parts(summary: Summary) -> Iterator[Part]:
         )
     yield ""
     shares = (f"{100 * share:g} %" for share in QUANTILES)
-    columns = (Column("result"), *numbers(*shares, "missing"))
+    columns = ("result", *numbers(*shares, "missing"))
     table = Table(f"{summary.finished} finished runs, SI units", columns)
     for result in summary.results:
         shown = (number(value, 4) if isfinite(value) else "" for value in result.quantiles)
