@@ -21,14 +21,13 @@ from flexid.recording.names import (
     usual_channel,
 )
 from flexid.recording.one_clock import Signal, on_one_clock
+from flexid.recording.recipes import MapSource
 from flexid.recording.recording import INPUTS, MOST_ROWS, check_cells
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
 
 if TYPE_CHECKING:
     import polars
-
-    from flexid.recording.recipes import MapSource
 
 TIME = "time [s]"
 _TEMPORAL = ("Datetime", "Time")  # types of Polars for time stamps
