@@ -194,8 +194,6 @@ class ColumnOverview:
 class FileOverview:
     """Columns of a file, and the channels that they are recognised as."""
 
-    file: str
-    sha256: str
     rows: int  # samples of the longest signal
     columns: tuple[ColumnOverview, ...]  # in the file's order
     channels: dict[str, str]  # by channel, the header of its column
@@ -246,4 +244,4 @@ def _overview(table: Table, rows: int, cells: dict[str, tuple[str, ...]]) -> Fil
         unclear = error.reason
         for header, one in usual.items():
             channels.setdefault(one.channel, header)
-    return FileOverview(table.file, table.sha256, rows, tuple(columns), channels, unclear)
+    return FileOverview(rows, tuple(columns), channels, unclear)
