@@ -33,11 +33,12 @@ def parts(summary: Summary) -> Iterator[Part]:
     shares = (f"{100 * share:g} %" for share in QUANTILES)
     columns = ("result", *numbers(*shares, "missing"))
     table = Table(f"{summary.finished} finished runs, SI units", columns)
-    for result in summary.results:
-        shown = (number(value, 4) if isfinite(value) else "" for value in result.quantiles)
-        table.add(result.name, *shown, str(result.missing or ""))
+    for name, result in summary.results.items():
+        values = result.quantiles.values()
+        shown = (number(value, 4) if isfinite(value) else "" for value in values)
+        table.add(name, *shown, str(result.missing or ""))
     yield table
-    if any(result.missing for result in summary.results):
+    if any(result.missing for result in summary.results.values()):
         yield (
             "Missing: finished runs without this result. An estimate that does not stay within 5 % "
             "of the truth has no settling time."
@@ -61,16 +62,7 @@ def document(summary: Summary) -> dict[str, Any]:
         "statuses": summary.statuses,
         "first_error": summary.first_error,
         "inputs": manifest.inputs,
-        "results": {
-            result.name: {
-                "finite": result.finite,
-                "missing": result.missing,
-                "quantiles": dict(
-                    zip(map("{:g}".format, QUANTILES), result.quantiles, strict=True)
-                ),
-            }
-            for result in summary.results
-        },
+        "results": summary.results,
         "provenance": {
             "version": manifest.flexid,
             "experiment": manifest.experiment,
