@@ -165,11 +165,12 @@ def campaigns():
     about = {"flexid": "1.0", "experiment": "0123", "plan": "4567", "text": "the file"}
     manifest = Manifest(**about, kind="sobol", runs=100, inputs=("controller.k",), runs_per_part=10)
     names = "tracking_rms", "settling_time.theta1"
-    results = tuple(Result(name, 2, 1, (1.0, 1.5, 2.0)) for name in names)
+    shares = {"0.05": 1.0, "0.5": 1.5, "0.95": 2.0}
+    results = {name: Result(2, 1, shares) for name in names}
     begun, done = {"finished": 30, "error": 10}, {"finished": 97, "diverged": 3}
     first_error = "file: no such value"
     for summary in (
-        Summary(Path("out"), manifest, 40, ("part-3",), begun, first_error, ()),
+        Summary(Path("out"), manifest, 40, ("part-3",), begun, first_error, {}),
         Summary(Path("out"), manifest, 100, (), done, "", results),
     ):
         yield from printed(*campaign.parts(summary))

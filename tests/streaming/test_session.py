@@ -34,7 +34,7 @@ def troubled(kind: str) -> tuple[WatchOptions, np.ndarray]:
     samples[1300:1310] = samples[1299]
     samples = np.delete(samples, slice(1500, 1540), axis=0)
     samples[:, TORQUE] = np.clip(samples[:, TORQUE], -20.0, 20.0)
-    return options, samples[:, : options.width]
+    return options, samples[:, : 1 + options.n_encoders + options.n_inputs]
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -15,7 +15,6 @@ import flexid
 from flexid.library.watched import Watch
 from flexid.streaming.incoming import Replay, TextStream, open_source, sample_time_of
 from flexid.streaming.options import WatchOptions, check_comparable, chosen_channels, wanted_kind
-from flexid.streaming.session import Session
 
 CLOCKS = {
     **{f"samples of {each} s": {"sample_time": each} for each in (0.0, 1e-320, np.nan, 0.51)},
@@ -41,7 +40,6 @@ SETTINGS: dict[str, Callable[[], object]] = {
     "a transition velocity of zero": lambda: options_of(coulomb_velocity=0.0),
     "another kind": lambda: wanted_kind({"kind": "elastic"}, None),
     "a hold without an input": lambda: WatchOptions(H, (), "link", hold="zero"),
-    "samples without a torque": lambda: Session(OPTIONS).feed(np.zeros((3, 3))),
     "a motor alone": lambda: chosen_channels("log", ALONE, ()),
     "a link that is not there": lambda: chosen_channels("log", ALONE, (), "link"),
     "a motor's velocity": lambda: chosen_channels("log", SPEEDS, ()),

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import nan
 from pathlib import Path
 from typing import Annotated
 
@@ -164,11 +165,9 @@ QUANTILES = (0.05, 0.5, 0.95)
 class Result:
     """Quantiles of one result over all finished runs."""
 
-    name: str  # column of the rows
     finite: int  # finished runs with a finite value
     missing: int  # finished runs without one, for example if they never settle
-    # of the finite values in SI units, at QUANTILES; NaN without any
-    quantiles: tuple[float, ...]
+    quantiles: Mapping[str, float]  # of the finite values in SI units, by share; NaN without any
 
 
 @dataclass(frozen=True)
@@ -182,7 +181,7 @@ class Summary:
     damaged: tuple[str, ...]
     statuses: Mapping[str, int]  # number of runs by outcome, the most frequent first
     first_error: str  # reason of the first run with status "error", or empty
-    results: tuple[Result, ...]
+    results: Mapping[str, Result]  # by column of the rows
 
     @property
     def finished(self) -> int:
@@ -210,7 +209,7 @@ def summarise(out: str | Path) -> Summary:
         damaged,
         dict(counts.iter_rows()),
         errors[0] if len(errors) else "",
-        tuple(_result(n, finished) for n in rows.columns if n not in apart),
+        {name: _result(finished[name]) for name in rows.columns if name not in apart},
     )
 
 
@@ -229,8 +228,8 @@ def _all_rows(store: Store) -> tuple[pl.DataFrame, tuple[str, ...]]:
     return pl.concat(parts, how="diagonal_relaxed"), tuple(damaged)
 
 
-def _result(name: str, finished: pl.DataFrame) -> Result:
-    values = finished[name].cast(pl.Float64).to_numpy()
+def _result(column: pl.Series) -> Result:
+    values = column.cast(pl.Float64).to_numpy()
     finite = values[np.isfinite(values)]
-    quantiles = np.quantile(finite, QUANTILES) if len(finite) else np.full(len(QUANTILES), np.nan)
-    return Result(name, len(finite), len(values) - len(finite), tuple(map(float, quantiles)))
+    found = {f"{q:g}": float(np.quantile(finite, q)) if len(finite) else nan for q in QUANTILES}
+    return Result(len(finite), len(values) - len(finite), found)

@@ -5,15 +5,22 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexid.arrays import FloatArray
 from flexid.errors import ArgumentError, RecordingError, SettingError
+from flexid.estimators.excitation import Excitation
+from flexid.identification.result import Identification
+from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.library.answer import Answer
 from flexid.library.arguments import kind_of
+from flexid.models.motion import JointType
+from flexid.recording.recipes import MapSource
 from flexid.recording.recording import Channel, Origin, si_units
+from flexid.streaming.guard import Counts
 from flexid.streaming.health import Health, Judgement
 from flexid.streaming.incoming import (
     HEAD_LINES,
@@ -23,6 +30,7 @@ from flexid.streaming.incoming import (
     is_whole_log,
     sample_time_of,
 )
+from flexid.streaming.learner import Departure
 from flexid.streaming.options import (
     StreamChannels,
     chosen_channels,
@@ -31,17 +39,6 @@ from flexid.streaming.options import (
     wanted_kind,
 )
 from flexid.streaming.session import Change, Session
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from flexid.estimators.excitation import Excitation
-    from flexid.identification.result import Identification
-    from flexid.identification.vocabulary.evidence import ValueEstimate
-    from flexid.models.motion import JointType
-    from flexid.recording.recipes import MapSource
-    from flexid.streaming.guard import Counts
-    from flexid.streaming.learner import Departure
 
 _AT_ONCE = 64  # samples that are collected before they are processed together
 

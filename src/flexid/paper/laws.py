@@ -38,14 +38,6 @@ class Controller:
     # ones. They are computed once per loop, not at every step.
     derived: Mapping[str, str] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        for name in ("inputs", "definitions", "coordinates", "derived"):
-            # SymPy expressions are accepted as well, as they print in the same grammar.
-            texts = {key: str(value) for key, value in getattr(self, name).items()}
-            object.__setattr__(self, name, texts)
-        values = {key: float(value) for key, value in self.parameters.items()}
-        object.__setattr__(self, "parameters", values)
-
     @cached_property
     def values(self) -> dict[str, float]:
         """All parameters by name, derived ones last."""

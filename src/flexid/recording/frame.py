@@ -1,7 +1,5 @@
 """Data frames and arrays in memory as tables of columns."""
 
-from __future__ import annotations
-
 import errno
 import hashlib
 from collections.abc import Mapping

@@ -6,7 +6,6 @@ from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from flexid.readers.formats import format_of
 from flexid.recording import checks
 from flexid.recording.columns import read_channels
 from flexid.recording.outliers import mend
+from flexid.recording.recipes import MapSource
 from flexid.recording.recording import ENCODERS, INPUTS, VELOCITIES, Draft, Log, Rank, Recording
 from flexid.recording.sampling import (
     EVEN,
@@ -32,9 +32,6 @@ from flexid.recording.slow_motion import are_opposed, check_motion, correct_sign
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
 from flexid.recording.velocities import integral, is_used
-
-if TYPE_CHECKING:
-    from flexid.recording.recipes import MapSource
 
 
 def read_log(path: Path, columns: MapSource | None = None) -> Log:

@@ -1,7 +1,5 @@
 """Recipes that compute channels in SI units from columns, given by names or a column map."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass

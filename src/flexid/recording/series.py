@@ -21,14 +21,13 @@ from flexid.recording.names import (
     usual_channel,
 )
 from flexid.recording.one_clock import Signal, on_one_clock
+from flexid.recording.recipes import MapSource
 from flexid.recording.recording import INPUTS, MOST_ROWS, check_cells
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
 
 if TYPE_CHECKING:
     import polars
-
-    from flexid.recording.recipes import MapSource
 
 TIME = "time [s]"
 _TEMPORAL = ("Datetime", "Time")  # types of Polars for time stamps
@@ -195,8 +194,6 @@ class ColumnOverview:
 class FileOverview:
     """Columns of a file, and the channels that they are recognised as."""
 
-    file: str
-    sha256: str
     rows: int  # samples of the longest signal
     columns: tuple[ColumnOverview, ...]  # in the file's order
     channels: dict[str, str]  # by channel, the header of its column
@@ -247,4 +244,4 @@ def _overview(table: Table, rows: int, cells: dict[str, tuple[str, ...]]) -> Fil
         unclear = error.reason
         for header, one in usual.items():
             channels.setdefault(one.channel, header)
-    return FileOverview(table.file, table.sha256, rows, tuple(columns), channels, unclear)
+    return FileOverview(rows, tuple(columns), channels, unclear)

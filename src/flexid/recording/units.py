@@ -1,7 +1,5 @@
 """Units of columns in common spellings, and their conversion to SI units."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from functools import cache

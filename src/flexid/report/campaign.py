@@ -5,7 +5,7 @@ from math import isfinite
 from typing import Any
 
 from flexid.experiments.campaign_store import QUANTILES, Summary
-from flexid.report.terminal import Column, Part, Table, number, numbers
+from flexid.report.terminal import Part, Table, number, numbers
 
 
 def parts(summary: Summary) -> Iterator[Part]:
@@ -31,13 +31,14 @@ def parts(summary: Summary) -> Iterator[Part]:
         )
     yield ""
     shares = (f"{100 * share:g} %" for share in QUANTILES)
-    columns = (Column("result"), *numbers(*shares, "missing"))
+    columns = ("result", *numbers(*shares, "missing"))
     table = Table(f"{summary.finished} finished runs, SI units", columns)
-    for result in summary.results:
-        shown = (number(value, 4) if isfinite(value) else "" for value in result.quantiles)
-        table.add(result.name, *shown, str(result.missing or ""))
+    for name, result in summary.results.items():
+        values = result.quantiles.values()
+        shown = (number(value, 4) if isfinite(value) else "" for value in values)
+        table.add(name, *shown, str(result.missing or ""))
     yield table
-    if any(result.missing for result in summary.results):
+    if any(result.missing for result in summary.results.values()):
         yield (
             "Missing: finished runs without this result. An estimate that does not stay within 5 % "
             "of the truth has no settling time."
@@ -61,16 +62,7 @@ def document(summary: Summary) -> dict[str, Any]:
         "statuses": summary.statuses,
         "first_error": summary.first_error,
         "inputs": manifest.inputs,
-        "results": {
-            result.name: {
-                "finite": result.finite,
-                "missing": result.missing,
-                "quantiles": dict(
-                    zip(map("{:g}".format, QUANTILES), result.quantiles, strict=True)
-                ),
-            }
-            for result in summary.results
-        },
+        "results": summary.results,
         "provenance": {
             "version": manifest.flexid,
             "experiment": manifest.experiment,

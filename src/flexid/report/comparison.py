@@ -10,7 +10,7 @@ from flexid.arrays import plain
 from flexid.identification.vocabulary.evidence import CONFIDENCE
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.report.identification import COEFFICIENTS, PARAMETERS
-from flexid.report.terminal import Column, Part, Table, listed, number, numbers, value_texts
+from flexid.report.terminal import Part, Table, listed, number, numbers, value_texts
 from flexid.stored_estimates.comparison import Comparison, Difference, Outcome
 
 OUTCOME_COLOURS: dict[Outcome, str] = {
@@ -29,7 +29,7 @@ def parts(comparison: Comparison) -> Iterator[Part]:
     for side, label in zip("AB", comparison.labels, strict=True):
         yield f"{side}: {label}"
     yield ""
-    columns = (Column("name"), *numbers("A", "B", "B - A, 95 % interval"), Column("verdict"))
+    columns = ("name", *numbers("A", "B", "B - A, 95 % interval"), "verdict")
     for title, differences in (
         (PARAMETERS, comparison.parameters),
         (COEFFICIENTS, comparison.coefficients),

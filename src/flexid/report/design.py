@@ -11,8 +11,9 @@ from flexid.experiment_design.design import Design
 from flexid.experiment_design.drive import DOUBT
 from flexid.models.motion import unit_of
 from flexid.report.chart import Axis, Chart, Line, Panel
-from flexid.report.terminal import Column, Part, Table, number, numbers
+from flexid.report.terminal import Part, Table, number, numbers
 
+_WORST = f"±{100 * DOUBT:.0f} %, worst drive"
 _UNITS = {"torque": "N m", "velocity": "rad/s", "position": "rad", "deflection": "rad"}
 
 
@@ -36,8 +37,7 @@ def parts(result: Design) -> Iterator[Part]:
 
 def _predictions(result: Design) -> Table:
     found = result.prediction
-    worst = Column(f"±{100 * DOUBT:.0f} %, worst drive")
-    columns = (Column("coefficient"), *numbers("design"), worst)
+    columns = ("coefficient", *numbers("design"), _WORST)
     table = Table("Predicted standard deviations", columns)
     for name, deviation in found.deviations.items():
         extreme = result.largest_deviations[name]
@@ -49,8 +49,7 @@ def _predictions(result: Design) -> Table:
 
 
 def _limits(result: Design) -> Table:
-    share = Column(f"±{100 * DOUBT:.0f} %, worst drive")
-    table = Table("Limits", (Column("channel"), *numbers("limit", "peak"), share))
+    table = Table("Limits", ("channel", *numbers("limit", "peak"), _WORST))
     for channel, unit in _units(result).items():
         extreme = result.largest_use[channel]
         table.add(

@@ -13,7 +13,7 @@ from flexid.experiment_design.excitation_report import (
 )
 from flexid.report.identification import excitation_lines, negligible_line, verdict_reasons
 from flexid.report.page import logs_of
-from flexid.report.terminal import VERDICT_STYLES, Column, Part, Table, number, numbers, value_texts
+from flexid.report.terminal import UNIT, VERDICT_STYLES, Part, Table, number, numbers, value_texts
 
 _LARGEST_FACTOR = 99  # larger factors are shown as ">99"
 _SMALLEST_SHARE = 1e-4  # smaller shares are shown as "<0.01 %"
@@ -21,14 +21,8 @@ _SMALLEST_SHARE = 1e-4  # smaller shares are shown as "<0.01 %"
 
 def parts(report: ExcitationReport) -> Iterator[Part]:
     """Return tables and sentences of the result."""
-    columns = (
-        Column("name"),
-        *numbers("value"),
-        Column("unit", whole=True),
-        *numbers("±", "factor"),
-        Column("correlates with"),
-        Column("verdict"),
-    )
+    before, after = numbers("value"), numbers("±", "factor")
+    columns = ("name", *before, UNIT, *after, "correlates with", "verdict")
     title = "Half-widths (±) of 95 % intervals; factors by which other unknowns widen them"
     table = Table(title, columns)
     for name, c in report.coefficients.items():

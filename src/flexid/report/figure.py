@@ -1,7 +1,5 @@
 """Charts drawn with Matplotlib in one style: as a file, or as SVG in a page."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Iterable, Mapping, Sequence

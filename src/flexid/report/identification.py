@@ -20,6 +20,7 @@ from flexid.models.physical import ANGLES
 from flexid.report.chart import Chart
 from flexid.report.page import Answer, Command, Tone, logs_of
 from flexid.report.terminal import (
+    UNIT,
     VERDICT_STYLES,
     Column,
     Part,
@@ -128,12 +129,7 @@ def estimates_table(
     more: Mapping[Column, Callable[[str], Text | str]] = MappingProxyType({}),
 ) -> Table:
     """Return values with intervals and verdicts; `more` adds columns by a function of the name."""
-    usual = (
-        Column("name"),
-        *numbers("value", "95 % interval"),
-        Column("unit", whole=True),
-        Column("verdict"),
-    )
+    usual = ("name", *numbers("value", "95 % interval"), UNIT, "verdict")
     table = Table(title, (*usual, *more))
     for name, e in estimates.items():
         value, interval = value_texts(e.value, *e.interval)
@@ -170,10 +166,8 @@ def evidence(result: Identification) -> Iterator[Part]:
         yield f"Coulomb friction changes sign over {choices.coulomb_velocity:.3g} {velocity}"
     yield ""
     if found := result.disturbances:
-        table = Table("Unexplained acceleration, RMS", (Column("balance"), *numbers("share")))
-        for name, share in found.shares.items():
-            table.add(name, number(100.0 * share, 2, "%"))
-        yield table
+        rows = ((name, number(100.0 * share, 2, "%")) for name, share in found.shares.items())
+        yield Table("Unexplained acceleration, RMS", ("balance", *numbers("share")), rows)
         yield f"Fitted in the joint's band, one sample every {1e3 * found.sample_time:.3g} ms"
         yield ""
     if choices.estimator != "least-squares":
@@ -181,7 +175,7 @@ def evidence(result: Identification) -> Iterator[Part]:
 
 
 def _terms(choices: Choices) -> Table:
-    columns = (Column("name"), *numbers("value", "std", "p-value"), Column("in the model"))
+    columns = ("name", *numbers("value", "std", "p-value"), "in the model")
     table = Table("Terms and delays of the full model, in SI units", columns)
     for e in choices.term_evidence:
         kept = "yes" if e.kept else "no"
@@ -195,7 +189,7 @@ def _terms(choices: Choices) -> Table:
 
 
 def _segments(choices: Choices) -> Table:
-    columns = (Column("length"), *numbers("residual over noise", "mean relative std"), Column(""))
+    columns = ("length", *numbers("residual over noise", "mean relative std"), "")
     table = Table("Segment lengths of the prediction error", columns)
     for e in choices.segment_evidence:
         chosen = choices.segment_duration is not None and isclose(
@@ -208,7 +202,7 @@ def _segments(choices: Choices) -> Table:
 
 
 def _delays(result: Identification) -> Table:
-    columns = (Column("channel"), *numbers("delay", "95 % interval"), Column("status"))
+    columns = ("channel", *numbers("delay", "95 % interval"), "status")
     table = Table("Delays relative to the motor's encoder", columns)
     alignment = result.choices.alignment
     channels = {"input": alignment.input_delay, "link": alignment.link_delay}
@@ -222,7 +216,7 @@ def _delays(result: Identification) -> Table:
 
 def _least_squares(result: Identification) -> Table:
     rate = result.choices.filter_rate
-    columns = (Column("name"), *numbers("estimate", "least squares"))
+    columns = ("name", *numbers("estimate", "least squares"))
     table = Table(f"Least squares for comparison, filter rate {rate:.6g} 1/s", columns)
     for name, value in result.least_squares.items():
         estimate = result.coefficients[name]

@@ -16,7 +16,7 @@ from rich.text import Text
 
 import flexid
 from flexid.report.chart import Chart
-from flexid.report.terminal import Column, Part, Table
+from flexid.report.terminal import Part, Table
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -77,9 +77,7 @@ def result_page(
     parts = [*present("parts")]
     lead = next(part for part in parts if isinstance(part, Table))
     rest = [part for part in parts if part is not lead]
-    facts = Table("Provenance", (Column("item"), Column("value")))
-    for name, value in _flat(provenance):
-        facts.add(name, value)
+    facts = Table("Provenance", ("item", "value"), _flat(provenance))
     origin: list[Item] = [Command(command)] if command else []
     origin += [facts] if facts.rows else []
     sections = (

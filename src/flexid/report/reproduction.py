@@ -22,7 +22,7 @@ from flexid.report.chart import (
     whole_decades,
     with_margin,
 )
-from flexid.report.terminal import Column, Part, Table, number, numbers
+from flexid.report.terminal import Part, Table, number, numbers
 from flexid.studies.reproduction import Claim, Reproduction, Verdict
 from flexid.studies.runs import (
     AMPLITUDE,
@@ -57,13 +57,9 @@ def parts(result: Reproduction) -> Iterator[Part]:
 
 
 def _readings(result: Reproduction) -> Table:
-    columns = (
-        Column("reading"),
-        Column(""),
-        *numbers("rightmost pole (1/s)", "|x1 - qd| to 0.3 s (rad)", "20-30 s (rad)"),
-    )
+    measured = numbers("rightmost pole (1/s)", "|x1 - qd| to 0.3 s (rad)", "20-30 s (rad)")
     title = f"Readings (a,b,c) of the gains k^a JlM/kem, k^b, k^c JrM, with k = {ATTENUATION:g}"
-    table = Table(title, columns)
+    table = Table(title, ("reading", "", *measured))
     for reading in result.readings.values():
         pole, run = reading.rightmost, reading.simulated
         table.add(
@@ -79,7 +75,7 @@ def _readings(result: Reproduction) -> Table:
 def _parameter_errors(result: Reproduction) -> Table:
     runs = result.runs
     headings = (text for name in runs for text in (f"({name})", "share"))
-    table = Table("Parameter errors at 30 s", (Column("coefficient"), *numbers("true", *headings)))
+    table = Table("Parameter errors at 30 s", ("coefficient", *numbers("true", *headings)))
     for name in UNKNOWN:
         cells: list[str] = []
         for run in runs.values():
@@ -90,15 +86,9 @@ def _parameter_errors(result: Reproduction) -> Table:
 
 
 def _cases(cases: tuple[TheoremCase, ...]) -> Table:
-    columns = (
-        Column("case"),
-        Column("reference"),
-        Column("rows"),
-        *numbers("condition number", "settled", "largest remaining error"),
-    )
-    table = Table("Theorem 1 in three cases, gains (1,2,3)", columns)
-    for case in cases:
-        table.add(
+    measured = numbers("condition number", "settled", "largest remaining error")
+    rows = (
+        (
             case.name,
             f"{case.reference}, {case.duration:g} s",
             ", ".join(case.judged),
@@ -106,12 +96,15 @@ def _cases(cases: tuple[TheoremCase, ...]) -> Table:
             "yes" if case.settled else "no",
             number(100 * case.remaining, 3, "%"),
         )
-    return table
+        for case in cases
+    )
+    title = "Theorem 1 in three cases, gains (1,2,3)"
+    return Table(title, ("case", "reference", "rows", *measured), rows)
 
 
 def _claims(claims: tuple[Claim, ...]) -> Table:
-    columns = (Column("claim, with its tests"), *numbers("value", "required"))
-    table = Table("Claims of the paper", (*columns, Column("", right=True)))
+    columns = ("claim, with its tests", *numbers("value", "required", ""))
+    table = Table("Claims of the paper", columns)
     for claim in claims:
         verdict = Text(_SHORT.get(claim.verdict, claim.verdict), _COLOURS[claim.verdict])
         table.add(f"{claim.statement} [{claim.source}]", "", "", verdict)

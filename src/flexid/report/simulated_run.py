@@ -21,7 +21,7 @@ from flexid.experiments.measures import (
 )
 from flexid.recording.frame import write_parquet
 from flexid.report.chart import Axis, Band, Chart, Colour, Level, Line, Panel
-from flexid.report.terminal import Column, Part, Table, number, numbers
+from flexid.report.terminal import UNIT, Part, Table, number, numbers
 from flexid.simulation.closed_loop import Run
 
 
@@ -48,8 +48,7 @@ def parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[Part
 def estimates_table(experiment: Experiment, run: Run, measures: Measures) -> Table:
     """Return initial and final estimates of the observer, with their errors."""
     headings = ("true", "initial", "final", "error", f"within {100 * SETTLED:.0f} %")
-    columns = (Column("coefficient"), *numbers(*headings), Column("unit", whole=True))
-    table = Table("Estimates of the observer", columns)
+    table = Table("Estimates of the observer", ("coefficient", *numbers(*headings), UNIT))
     for place, (name, error) in enumerate(measures.final_errors.items()):
         true, settled = experiment.loop.coefficients[name], measures.settling_times[name]
         table.add(

@@ -4,7 +4,6 @@ import io
 import re
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from math import floor, inf, isfinite, isnan, log10
 from typing import NamedTuple
 
@@ -31,24 +30,33 @@ class Column(NamedTuple):
     whole: bool = False  # cells are never wrapped, as with units
 
 
+UNIT = Column("unit", whole=True)
+
+
 def numbers(*headings: str) -> tuple[Column, ...]:
     """Return right-aligned columns."""
     return tuple(Column(heading, right=True) for heading in headings)
 
 
-@dataclass
 class Table:
     """A table, which wraps words and parts of names if it is too wide."""
 
-    title: str
-    columns: Sequence[Column]  # the first one names the rows
-    rows: list[tuple[Text, ...]] = field(default_factory=list)
+    def __init__(
+        self,
+        title: str,
+        columns: Iterable[Column | str],  # the first one names the rows; a text is a heading
+        rows: Iterable[Iterable[Text | str]] = (),
+    ) -> None:
+        self.title = title
+        self.columns = [Column(one) if isinstance(one, str) else one for one in columns]
+        self.rows: list[list[Text]] = []
+        for row in rows:
+            self.add(*row)
 
     def add(self, *cells: Text | str) -> None:
         """Add a row; missing cells at its end are empty."""
         texts = [Text(cell) if isinstance(cell, str) else cell for cell in cells]
-        texts += [Text()] * (len(self.columns) - len(texts))
-        self.rows.append(tuple(texts))
+        self.rows.append(texts + [Text()] * (len(self.columns) - len(texts)))
 
     def drawn(self, width: int) -> Grid:
         """Return the table within `width` columns, or as wide as its numbers and words need."""

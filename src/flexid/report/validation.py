@@ -13,7 +13,7 @@ from flexid.models.motion import unit_of
 from flexid.report.chart import Chart
 from flexid.report.page import logs_of
 from flexid.report.response_charts import free_run_chart, residual_chart
-from flexid.report.terminal import Column, Part, Table, number, numbers
+from flexid.report.terminal import Part, Table, number, numbers
 from flexid.stored_estimates.estimate_file import drive_of
 from flexid.stored_estimates.validate_estimate import EstimateValidation
 
@@ -22,7 +22,7 @@ def parts(result: EstimateValidation) -> Iterator[Part]:
     """Return tables and sentences of the result."""
     yield fits_table(result)
     units = " or ".join(dict.fromkeys(unit_of("rad", joint_type) for joint_type in result.types))
-    columns = (Column("channel"), *numbers("sensor noise", *map(_horizon, result.residuals)))
+    columns = ("channel", *numbers("sensor noise", *map(_horizon, result.residuals)))
     errors = Table(f"Prediction error by horizon ({units}, RMS)", columns)
     for channel, noise in result.noise.items():
         off = (found[channel] for found in result.residuals.values())
@@ -58,11 +58,9 @@ def _poor_free_run(result: EstimateValidation, worst: str) -> str:
 def fits_table(result: Validation) -> Table:
     """Return the fit of each channel by prediction horizon."""
     fits = {**result.horizons, inf: result.fit_percent}
-    columns = (Column("channel"), *numbers(*map(_horizon, fits)))
-    table = Table("Prediction fit by horizon (%)", columns)
-    for channel in result.fit_percent:
-        table.add(channel, *(_fit(found[channel]) for found in fits.values()))
-    return table
+    rows = ((c, *(_fit(found[c]) for found in fits.values())) for c in result.fit_percent)
+    columns = ("channel", *numbers(*map(_horizon, fits)))
+    return Table("Prediction fit by horizon (%)", columns, rows)
 
 
 def _drive(result: EstimateValidation) -> str:

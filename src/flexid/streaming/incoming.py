@@ -20,6 +20,7 @@ from flexid.readers.formats import format_of
 from flexid.recording.columns import channels_of, read_channels, recipes_of
 from flexid.recording.layout import BLANK, LONGEST_LINE, Layout, layout_of, split
 from flexid.recording.read import tables_of_file
+from flexid.recording.recipes import MapSource
 from flexid.recording.recording import Channel
 from flexid.recording.sampling import GAP, check_typical
 from flexid.recording.table import Clock, Table, decimal_mark
@@ -28,8 +29,6 @@ from flexid.streaming.options import StreamChannels, chosen_channels
 
 if TYPE_CHECKING:
     import polars
-
-    from flexid.recording.recipes import MapSource
 
 BLOCK = 65_536  # rows of a log that are read at once
 HEAD_LINES = 200  # lines at the beginning that determine layout and sample time

@@ -9,7 +9,6 @@ from typing import Any, Literal, cast
 from flexid.errors import RecordingError, SettingError, check_names
 from flexid.estimators.state_variable_filter import FASTEST, SLOWEST, check_filter_rate
 from flexid.estimators.unknowns import Unknowns
-from flexid.files import refuse_arm_file
 from flexid.identification.preparation.joint import Joint, Kind, joint_of
 from flexid.identification.preparation.recordings import traits
 from flexid.identification.preparation.settings import Settings
@@ -183,8 +182,8 @@ class WatchOptions:
     @property
     def given(self) -> Mapping[str, float]:
         """Coefficients with a fixed value: known exactly, or negligible and set to zero."""
-        too_small = {c for t in self.terms for c in coefficients_of(t, self.kind) if c in SQUARES}
-        return dict.fromkeys(sorted(too_small & {*self.joint.units}), 0.0) | {**self.stated.given}
+        too_small = {c for t in self.terms for c in self.joint.terms.get(t, ()) if c in SQUARES}
+        return dict.fromkeys(sorted(too_small), 0.0) | {**self.stated.given}
 
     @property
     def n_encoders(self) -> int:
@@ -195,11 +194,6 @@ class WatchOptions:
     def n_inputs(self) -> int:
         """Number of inputs in a sample."""
         return 0 if self.kind == "link" else 1
-
-    @property
-    def width(self) -> int:
-        """Number of values in a sample: time, positions and input."""
-        return 1 + self.n_encoders + self.n_inputs
 
     @property
     def system(self) -> ParametricSystem:
@@ -241,7 +235,6 @@ def check_comparable(result: Identification) -> None:
 def wanted_kind(chosen: Mapping[str, Any], estimate: Identification | None) -> str:
     """Return the chosen kind of joint, or else the estimate's, or else ``"auto"``."""
     kind = chosen.get("kind", "auto")
-    refuse_arm_file(str(kind))
     if kind not in ("auto", *KINDS):
         raise SettingError("model", f"must be auto, flexible, link or rigid, got {kind!r}")
     return estimate.model if kind == "auto" and estimate is not None else kind
@@ -272,7 +265,8 @@ def options_of_stream(
         defaults |= _options_of(estimate)
         kept = chosen.get("terms", defaults["terms"])
         off = [term for term in defaults["terms"] if term not in kept]
-        left = {*stated, *(c for term in off for c in coefficients_of(term, channels.kind))}
+        terms = joint_of(channels.kind, channels.joint_type).terms
+        left = {*stated, *(c for term in off for c in terms.get(term, ()))}
         given = {name: v for name, v in given_values(estimate).items() if name not in left}
     slowest, fastest = SLOWEST / min(RATES), FASTEST / max(RATES)
     rate = min(max(defaults["filter_rate"], slowest / sample_time), fastest / sample_time)
@@ -312,13 +306,6 @@ def _named(terms: Sequence[str], channels: StreamChannels) -> tuple[str, ...]:
             )
         found += own
     return tuple(dict.fromkeys(found))
-
-
-def coefficients_of(term: str, kind: Kind) -> Collection[str]:
-    """Return the coefficients of a term; empty if a stream cannot have the term."""
-    if kind == "rigid":
-        return RIGID_TERMS[term]
-    return USABLE_TERMS[term].coefficients if term in USABLE_TERMS else ()
 
 
 def _check_alike(estimate: Identification, channels: StreamChannels) -> None:

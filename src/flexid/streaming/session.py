@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.errors import SettingError
 from flexid.estimators.excitation import Excitation, excitation_of_gram
 from flexid.estimators.online import Status
 from flexid.identification.vocabulary.evidence import ValueEstimate
@@ -120,13 +119,8 @@ class Session:
         self._cached: tuple[Memory, Findings] | None = None
 
     def feed(self, samples: FloatArray) -> None:
-        """Update the estimation with samples, shape (n, `WatchOptions.width`)."""
+        """Update the estimation with samples, shape (n, 1 + positions + inputs)."""
         samples = np.ascontiguousarray(samples, dtype=np.float64)
-        width = self.options.width
-        if samples.ndim != 2 or samples.shape[1] != width:
-            raise SettingError(
-                "samples", f"have the shape {samples.shape}: give {width} numbers for each"
-            )
         done = 0
         while done < len(samples):
             until_closed = self.window - self.fed % self.window

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +33,7 @@ from flexid.models.flexible_joint import SHAPE_TERMS, SMOOTHING
 from flexid.readers.formats import PARQUET
 from flexid.readers.guard import Reading
 from flexid.recording.read import log_of_table
+from flexid.recording.recipes import MapSource
 from flexid.recording.recording import Log, Rank, cautions, ranked
 from flexid.recording.sampling import EVEN, GAP
 from flexid.recording.series import Signals, names_of
@@ -42,16 +43,13 @@ from flexid.streaming.learner import findings, regressor_sizes
 from flexid.streaming.options import WatchOptions, options_of_stream
 from flexid.streaming.session import Session
 
-if TYPE_CHECKING:
-    from flexid.recording.recipes import MapSource
-
 HEAD_ROWS = 120_000  # samples of the head, which decides all choices: two minutes at 1 kHz
 _LEAST_CHANGE = 0.01  # of a coefficient, relative to its value, for a warning
 
 
 def identify_stream(
     path: Path,
-    columns: "MapSource | None" = None,
+    columns: MapSource | None = None,
     settings: Settings | None = None,
     progress: Progress = silent,
 ) -> Identification:
@@ -94,7 +92,7 @@ def identify_stream(
     return replace(result, summary=summary, provenance=provenance)
 
 
-def _head(path: Path, columns: "MapSource | None") -> tuple[Log, int, int]:
+def _head(path: Path, columns: MapSource | None) -> tuple[Log, int, int]:
     """Return the first rows of a Parquet file as a log, their number, and the file's number."""
     if path.suffix.lower() not in PARQUET.suffixes:
         reason = "only a Parquet file can be streamed: write the log as .parquet"

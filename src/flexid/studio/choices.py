@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from flexid.errors import SettingError, one_of
@@ -54,9 +54,8 @@ class Source:
     @property
     def stated(self) -> dict[str, Any]:
         """Fields that differ from their defaults, and the column, by name."""
-        usual = Source("")
-        stated = {f.name: getattr(self, f.name) for f in fields(self)}
-        return {name: value for name, value in stated.items() if value != getattr(usual, name)}
+        usual = vars(Source(""))
+        return {name: value for name, value in vars(self).items() if value != usual[name]}
 
 
 @dataclass(frozen=True)
@@ -76,10 +75,10 @@ class Choices:
         """Choices as a column map; None if the names of the columns decide."""
         if not self.sources:
             return None
-        entries: dict[str, Any] = dict.fromkeys(SI_UNITS, False)
-        entries |= {channel: source.stated for channel, source in self.sources.items()}
         ratios = {"gear_ratio": self.gear_ratio, "lead": self.lead}
-        return entries | {name: value for name, value in ratios.items() if value is not None}
+        entries: dict[str, Any] = {n: value for n, value in ratios.items() if value is not None}
+        entries |= dict.fromkeys(SI_UNITS, False)
+        return entries | {channel: source.stated for channel, source in self.sources.items()}
 
     @property
     def settings(self) -> dict[str, Any]:

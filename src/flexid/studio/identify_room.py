@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import tempfile
 from dataclasses import replace
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flexid.errors import FlexidError
 from flexid.models.motion import JOINT_TYPES
@@ -233,19 +234,14 @@ def _sources_by_name(found: FileOverview) -> dict[str, Source]:
 
 def _write_map(choices: Choices, folder: Path) -> Path:
     """Write the choices as a column map for the command line, and return its path."""
-    import json
-
     path = folder / "columns.toml"
-    lines = []
-    for channel, entry in (choices.column_map or {}).items():
-        if entry is False:
-            lines.append(f"{channel} = false")
-        elif isinstance(entry, dict):
-            pairs = (
-                f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in entry.items()
-            )
-            lines.append(f"{channel} = {{ {', '.join(pairs)} }}")
-        else:
-            lines.insert(0, f"{channel} = {entry}")
-    path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+    lines = (f"{key} = {_as_toml(entry)}\n" for key, entry in (choices.column_map or {}).items())
+    path.write_text("".join(lines), encoding="utf-8")
     return path
+
+
+def _as_toml(value: Any) -> str:
+    """Return a table, text, number or truth value in TOML, which writes the last three as JSON."""
+    if not isinstance(value, dict):
+        return json.dumps(value, ensure_ascii=False)
+    return f"{{ {', '.join(f'{key} = {_as_toml(each)}' for key, each in value.items())} }}"

@@ -36,53 +36,45 @@ _OF_ROWS: tuple[Colour, ...] = ("ink", "grey")  # distinct, as one legend has bo
 _PEAKS = 150  # parts of a curve, each drawn by its largest value, as errors oscillate
 
 
+_PANELS: tuple[tuple[str, str, str, tuple[Colour, ...]], ...] = (
+    ("Tracking error", "magnitude", "rad", _OF_ROWS),
+    ("Parameter errors over the true values", "magnitude", "", _OF_ERRORS),
+    ("V of Theorem 1", "V", "", _OF_ROWS),
+    ("Excitation over the last 2 s", "condition number", "", _OF_ROWS),
+)
+"""Title, label and unit of the axis, and colours of each panel."""
+
+_LIMITS = (
+    Level("weak above", WEAK_CONDITION, colour="orange", dash="dotted"),
+    Level("lost above", LOST_CONDITION, colour="red", dash="dotted"),
+)
+
+
 @dataclass(frozen=True, eq=False)
 class Played:
     """Curves and figures of a run."""
 
-    time: FloatArray  # (n,), in s
-    tracking: FloatArray  # (n,), magnitude of the tracking error in rad
-    errors: Mapping[str, FloatArray]  # (n,), over the true value
-    final_errors: Mapping[str, tuple[float, str]]  # with units
-    lyapunov: FloatArray  # (n,), V of Theorem 1
-    moments: FloatArray  # (m,), times in s of the condition numbers
-    conditions: Mapping[str, FloatArray]  # (m,), by row
-    remaining_error: float  # largest tracking error in the last 5 s, in rad
-    largest_torque: float  # in N m
+    # of each panel: times in s, (n,), and curves over them by name, (n,)
+    curves: tuple[tuple[FloatArray, Mapping[str, FloatArray]], ...]
+    figures: Mapping[str, str]  # by label, with units
 
 
 def play_chart(run: Played | None, pinned: Played | None) -> Chart:
     """Draw tracking error, parameter errors, V and excitation; a pinned run is dashed."""
-    tracking: list[Mark] = []
-    errors: list[Mark] = []
-    lyapunov: list[Mark] = []
-    excitation: list[Mark] = [
-        Level("weak above", WEAK_CONDITION, colour="orange", dash="dotted"),
-        Level("lost above", LOST_CONDITION, colour="red", dash="dotted"),
-    ]
-    for played, named in ((pinned, False), (run, True)):
-        if played is not None:
-            error = {"tracking error": played.tracking}
-            tracking.extend(_curves(played.time, error, _OF_ROWS, named=named))
-            errors.extend(_curves(played.time, played.errors, _OF_ERRORS, named=named))
-            lyapunov.extend(_curves(played.time, {"V": played.lyapunov}, _OF_ROWS, named=named))
-            excitation.extend(_curves(played.moments, played.conditions, _OF_ROWS, named=named))
-    panels = (
-        ("Tracking error", "magnitude", "rad", tracking),
-        ("Parameter errors over the true values", "magnitude", "", errors),
-        ("V of Theorem 1", "V", "", lyapunov),
-        ("Excitation over the last 2 s", "condition number", "", excitation),
-    )
+    panels = []
+    for place, (title, label, unit, colours) in enumerate(_PANELS):
+        marks: list[Mark] = [*_LIMITS] if label == "condition number" else []
+        for played, named in ((pinned, False), (run, True)):
+            if played is not None:
+                marks += _curves(*played.curves[place], colours, named=named)
+        panels.append(Panel(title, Axis("time", "s"), Axis(label, unit, True), tuple(marks)))
     return Chart(
         "play",
         "The paper's closed loop",
         "The tracking error shows the controller's performance, the parameter errors the "
         "observer's. V never rises while the drive is ideal. Where the condition number "
         "is large, the motion does not separate two coefficients. Dashed: the pinned run.",
-        tuple(
-            Panel(title, Axis("time", "s"), Axis(label, unit, True), tuple(marks))
-            for title, label, unit, marks in panels
-        ),
+        tuple(panels),
         columns=2,
     )
 
@@ -102,7 +94,7 @@ def _curves(
 class PlayedRuns:
     """Results of a run and of the pinned run."""
 
-    rows: tuple[tuple[str, str, str], ...]  # label, value of the run, value of the pinned run
+    rows: tuple[tuple[str, ...], ...]  # label, value of the run, value of the pinned run
     problems: tuple[str, ...]  # why a run has no values
     figure: str  # chart of both runs, as HTML
     seconds: float  # computing time in s
@@ -122,9 +114,11 @@ def play(chosen: PlayChoices, pinned: PlayChoices | None) -> PlayedRuns:
             runs.append(None)
             why = error.reason.partition(":")[0]  # without its advice, which does not apply here
             problems.append(f"{which} stops at {error.time:.3g} s: {why}. Move a slider back.")
-    run, pin = runs
-    figure = fragment("figure.html", chart=play_chart(run, pin))
-    return PlayedRuns(_rows(run, pin), tuple(problems), figure, perf_counter() - begun)
+    figure = fragment("figure.html", chart=play_chart(*runs))
+    shown = [{} if run is None else run.figures for run in runs]
+    labels = dict.fromkeys(label for figures in shown for label in figures)
+    rows = ((label, *(figures.get(label, "") for figures in shown)) for label in labels)
+    return PlayedRuns(tuple(rows), tuple(problems), figure, perf_counter() - begun)
 
 
 @lru_cache(maxsize=32)
@@ -157,25 +151,26 @@ def _measured(run: Run) -> Played:
     names = run.loop.system.coefficients
     absolute = np.abs(fewer.parameter_errors)
     errors = absolute / np.where(true, np.abs(true), np.nan)
-    final = {
-        name: (100 * errors[-1, i], "%")
-        if true[i]
-        else (absolute[-1, i], coefficient_unit(run, name))
-        for i, name in enumerate(names)
-    }
+    lyapunov = 0.5 * np.sum(fewer.parameter_errors**2, axis=1)
     moments, conditions = _conditions(
         fewer.time, {history.row: history.regressors for history in row_histories(fewer)}
     )
+    figures = {"tracking error": f"{np.abs(run.tracking_error[steady]).max():.2g} rad"}
+    for i, name in enumerate(names):
+        unit = coefficient_unit(run, name)
+        final = f"{100 * errors[-1, i]:.2g} %" if true[i] else f"{absolute[-1, i]:.2g} {unit}"
+        figures[f"error of {SYMBOLS[name]}"] = final
+    figures["V over its first value"] = f"{lyapunov[-1] / lyapunov[0]:.2g}"
+    figures |= {f"condition number, {row}": f"{c[-1]:.3g}" for row, c in conditions.items()}
+    figures["largest torque in all 30 s"] = f"{np.abs(run.inputs).max():.3g} N m"
     return Played(
-        fewer.time,
-        np.abs(fewer.tracking_error),
-        dict(zip(names, errors.T, strict=True)),
-        final,
-        0.5 * np.sum(fewer.parameter_errors**2, axis=1),
-        moments,
-        conditions,
-        float(np.abs(run.tracking_error[steady]).max()),
-        float(np.abs(run.inputs).max()),
+        (
+            (fewer.time, {"tracking error": np.abs(fewer.tracking_error)}),
+            (fewer.time, dict(zip(names, errors.T, strict=True))),
+            (fewer.time, {"V": lyapunov}),
+            (moments, conditions),
+        ),
+        figures,
     )
 
 
@@ -195,31 +190,6 @@ def _conditions(
         values = np.linalg.eigvalsh(gram / (scale[:, :, None] * scale[:, None, :]))
         found[row] = values[:, -1] / np.maximum(values[:, 0], np.finfo(float).tiny)
     return time[ends], found
-
-
-def _rows(run: Played | None, pin: Played | None) -> tuple[tuple[str, str, str], ...]:
-    """Return the table of both runs as texts: label, run, pinned run."""
-
-    def row(label: str, text: Any) -> tuple[str, str, str]:
-        return label, "" if run is None else text(run), "" if pin is None else text(pin)
-
-    names = run.errors if run is not None else () if pin is None else pin.errors
-    return (
-        row("tracking error", lambda r: f"{r.remaining_error:.2g} rad"),
-        *(
-            row(
-                f"error of {SYMBOLS[name]}",
-                lambda r, n=name: "{:.2g} {}".format(*r.final_errors[n]),
-            )
-            for name in names
-        ),
-        row("V over its first value", lambda r: f"{r.lyapunov[-1] / r.lyapunov[0]:.2g}"),
-        *(
-            row(f"condition number, {name}", lambda r, n=name: f"{r.conditions[n][-1]:.3g}")
-            for name in ("link", "motor")
-        ),
-        row("largest torque in all 30 s", lambda r: f"{r.largest_torque:.3g} N m"),
-    )
 
 
 ROOM = "play"

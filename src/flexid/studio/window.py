@@ -1,7 +1,5 @@
 """One window of the studio: its files, tasks, messages to the page, and rooms."""
 
-from __future__ import annotations
-
 import asyncio
 import secrets
 import shutil
