@@ -91,17 +91,6 @@ def test_fit_is_one_minus_error_over_spread(recording):
     assert len(twice.runs) == 2
 
 
-def test_a_short_recording_keeps_no_other_from_a_horizon(recording):
-    """Assert that a recording too short for a horizon does not affect the others."""
-    alone = predicted(data(recording), beta1=3.2)
-    short = recording.window(0, 900)
-    found = predicted(data(short, recording), (600, START), beta1=3.2)
-    assert list(found.horizons) == list(alone.horizons)
-    assert found.horizons[1.0]["deflection"] == pytest.approx(
-        alone.horizons[1.0]["deflection"], abs=1.0
-    )
-
-
 def test_a_horizon_within_a_sample_is_left_out(recording):
     """Assert that a horizon shorter than a sample is left out."""
     slow = replace(
