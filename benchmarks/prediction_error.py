@@ -12,8 +12,8 @@ import numpy as np
 from noisy_joint import POSITION_NOISE, VALUES, joint_samples, worst_error
 from scipy.signal import lfilter
 from scipy.stats import t
-from segment_bound import cramer_rao_bound
 
+from benchmarks.segment_bound import cramer_rao_bound
 from benchmarks.size import sized
 from flexid.arrays import FloatArray
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error

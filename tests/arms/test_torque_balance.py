@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks.arms.arm import mjcf, random_arm
-from two_links import ARM, TRUTH, TwoLinks, accelerations, motion, truth_values
+from two_links import ARM, TRUTH, TwoLinks, motion
 
 from flexid.arms.disturbed import as_physical
 from flexid.arms.doubts import rig_errors
@@ -61,12 +61,6 @@ def arm_of(types: Sequence[JointType], gravity: tuple[float, float] = (0.0, 0.0)
     return PlanarArm((0.4, 0.3, 0.2)[: len(types)], gravity, slides=slides)
 
 
-@pytest.fixture(scope="module")
-def functions() -> dict[str, Any]:
-    """Return the functions of two turning joints."""
-    return functions_of(BALANCE.types)
-
-
 def problem_of(torques: FloatArray, h: float, outputs: FloatArray | None = None) -> SegmentedMotion:
     """Return one segment of all samples; all parameters but the torque constants are unknown."""
     positions = np.zeros((len(torques), 4)) if outputs is None else outputs
@@ -80,16 +74,6 @@ def problem_of(torques: FloatArray, h: float, outputs: FloatArray | None = None)
 def sought(problem: SegmentedMotion) -> FloatArray:
     """Return the true values of the unknowns."""
     return np.array([TRUTH.get(name, 0.0) for name in problem.names])
-
-
-def test_accelerations_of_the_textbook(functions: dict[str, Any]):
-    """Assert that accelerations equal those of the textbook's two links, for any motion."""
-    rng = np.random.default_rng(1)
-    for _ in range(20):
-        x, u = rng.normal(size=8), rng.normal(size=2)
-        expected = accelerations(TwoLinks(u), 0.0, x, np.sign(x[1::2]))
-        found = rates(functions, x, u, truth_values())[1::2]
-        np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
 # Types of joints by letter (P slides); some rotors move with the links.

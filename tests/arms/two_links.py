@@ -10,7 +10,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from flexid.arrays import FloatArray
-from flexid.models.planar_arm import PlanarArm, planar_arm
+from flexid.models.planar_arm import PlanarArm
 
 ARM = PlanarArm((0.4, 0.3), (9.81, 0.0))
 TRUTH = {
@@ -40,11 +40,6 @@ TRUTH = {
     "link_moment_across_2": 0.01,
     "rotor_coupling_2": 0.02,
 }
-
-
-def truth_values() -> FloatArray:
-    """Return the true parameters in the model's order."""
-    return np.array([TRUTH.get(name, 0.0) for name in planar_arm(ARM).coefficients])
 
 
 @dataclass

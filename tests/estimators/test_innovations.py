@@ -184,20 +184,6 @@ def test_kernel_is_a_kalman_filter():
     assert apart(problem, samples) < 1e-3
 
 
-def test_whitened_innovations_are_white():
-    """Assert unit variance and no correlation of neighbours for both outputs together.
-
-    For 2 · 3000 numbers the mean square has a standard error of 1.8 %, the correlation 1.3 %.
-    """
-    samples = disturbed_samples(3, 3000)
-    problem = observed(samples)
-    assert problem.observer is not None
-    residuals = problem.equations(AT_REST, "nothing").residuals[50:]
-    white = residuals @ problem.observer.whitening[0].T
-    assert np.mean(white**2) == pytest.approx(1.0, abs=0.075)
-    assert abs(np.mean(white[1:] * white[:-1])) < 0.055
-
-
 def resting(samples: Samples) -> np.ndarray:
     """Return directions with the motor at rest twice."""
     found = still(samples)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from made_motion import CART, held_cart
 from noisy_joint import VALUES, clean_motion, encoders, joint_samples, torque, worst_error
 
 from flexid.estimators.samples import Samples
@@ -21,25 +20,6 @@ def test_accuracy_on_the_noisy_joint(first, median, largest):
     ]
     assert np.median(errors) <= median
     assert np.max(errors) <= largest
-
-
-def test_held_input_is_integrated_exactly():
-    """Assert that hold "zero" is exact if only the input accelerates."""
-    fit = filtered_least_squares([held_cart()], CART, hold="zero")
-    assert fit.values == pytest.approx([2.0, 0.3], rel=1e-9)
-
-
-def test_linear_input_is_integrated_exactly():
-    """Assert that hold "linear" is exact for an input that is linear between samples."""
-    h, n = 0.01, 400
-    force = np.random.default_rng(2).standard_normal(n)
-    start, end = force[:-1], force[1:]
-    velocity = np.concatenate(([0.0], h * np.cumsum(start + end)))  # gain 2
-    step = h * velocity[:-1] + 2.0 * h * h * (start / 3.0 + end / 6.0)
-    position = np.concatenate(([0.0], np.cumsum(step)))
-    samples = Samples(position[:, None], None, force[:, None], h)
-    fit = filtered_least_squares([samples], CART)
-    assert fit.values == pytest.approx([2.0, 0.0], abs=1e-9)
 
 
 def test_order_in_the_sample_time():

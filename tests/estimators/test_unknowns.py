@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_motion import fall, held_cart, point_of, problem_of
 from noisy_joint import TRUTH, VALUES, encoders
-from oscillator import by_filter, by_motion
+from oscillator import by_filter
 from scipy.optimize import least_squares
 
 from flexid.estimators.state_variable_filter import (
@@ -21,7 +21,6 @@ from flexid.models.parametric_system import ParametricSystem, Row
 
 JOINT = flexible_joint()
 MORE = flexible_joint(("gravity", "motor_viscous", "link_coulomb", "link_offset"))
-OFF = {"theta_coulomb": 0.0, "theta_offset": 0.0}
 PER_RUN = Unknowns(MORE, {"theta_coulomb": 0.0}, ("theta_offset",), (0, 1, 0))
 
 
@@ -42,29 +41,6 @@ def test_names_and_coefficients_of_a_recording():
     assert "theta_offset[1]" in unknowns.names
     assert unknowns.coefficients(np.ones(6), 1)[3] == 0.25
     assert unknowns.coefficients(np.ones(6), 2)[3] == 1.0
-
-
-GIVEN = {"beta1": TRUTH["beta1"], "theta1": TRUTH["theta1"]}
-
-
-@pytest.mark.parametrize(
-    ("batch", "part", "small"),
-    [
-        (by_filter, Unknowns(JOINT, GIVEN), Unknowns(flexible_joint(known=GIVEN))),
-        (by_motion, Unknowns(JOINT, GIVEN), Unknowns(flexible_joint(known=GIVEN))),
-        (by_filter, Unknowns(MORE, OFF), Unknowns(JOINT)),
-        (by_motion, Unknowns(MORE, OFF), Unknowns(JOINT)),
-    ],
-    ids=["given", "given, in motion", "off", "off, in motion"],
-)
-def test_what_is_fixed_leaves_the_smaller_model(batch, part, small):
-    """Assert that a fixed coefficient gives the fit of the model that knows or omits it."""
-    found, declared = batch([RECORD], part), batch([RECORD], small)
-    assert found.names == declared.names == small.names
-    assert found.values == pytest.approx(declared.values, rel=1e-9)
-    assert found.covariance == pytest.approx(declared.covariance, rel=1e-6)
-    assert found.degrees_of_freedom == pytest.approx(declared.degrees_of_freedom, rel=1e-9)
-    assert found.information.shape == (len(small.names),) * 2
 
 
 DAMPED = flexible().system

@@ -20,6 +20,7 @@ from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Data, Fitted, Structure, data_of
 from flexid.identification.preparation.joint import flexible
 from flexid.models.flexible_joint import PAPER_TERMS
+from flexid.models.physical import joint_coefficients
 from flexid.recording.recording import Hold, Log, Recording
 from flexid.recording.velocities import with_velocities
 
@@ -32,13 +33,7 @@ TRUTH = {
 }
 """Parameters of every log, by flexid's names in SI units; Table I of Huang (2003)."""
 
-COEFFICIENTS = {
-    "theta1": 5.0,
-    "theta2": 100.0,
-    "alpha1": 1000 / 3,
-    "alpha2": 2 / 3,
-    "beta1": 10 / 3,
-}
+COEFFICIENTS = joint_coefficients(TRUTH)
 
 SAMPLE_TIME = 2e-3
 NOISE = 1e-5  # rad

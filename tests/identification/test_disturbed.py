@@ -230,6 +230,7 @@ def test_friction_stays_beside_disturbances(seed: int):
         **dict.fromkeys(("motor_coulomb_up", "motor_coulomb_down"), 0.4),
     )
     found = identify([log(replace(swung, link_position=None))])
+    assert (found.model, found.compliance.visible) == ("rigid", False)
     assert found.disturbances is not None
     for name, truth in {"inertia": 1.3, "gravity_torque": 5.0, "coulomb_friction": 0.4}.items():
         low, high = found.parameters[name].interval

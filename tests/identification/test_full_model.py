@@ -74,17 +74,6 @@ def test_lengths_double():
     assert divisions[-1].lengths.sum() == 6000 - 30
 
 
-def test_short_segments_forgive_a_bad_start(late):
-    """Assert that from values two or three times too large or small short segments converge."""
-    timing = Timing("cubic", {INPUT: 1.3e-3, model.LINK: 0.7e-3})
-    start = {"theta1": 0.0, "theta2": 40.0, "alpha1": 800.0, "alpha2": 0.0, "beta1": 7.0}
-    found = fit_by_length(replace(PAPER, timing=timing), late, start, lengths(late))
-    assert found[-1].duration > 0.5 * late.duration
-    assert found[-1].values == pytest.approx(list(COEFFICIENTS.values()), rel=1e-3)
-    with pytest.raises(ConvergenceError):
-        fit_by_length(PAPER, late, {"theta2": 100.0, "alpha1": -1e7}, lengths(late)[:1])
-
-
 def test_least_squares_starts_no_motion_that_runs_away(late):
     """Assert that starts have frictions of at least zero, and positive springs and inertias."""
     early = replace(PAPER, absent=PAPER.absent - {"theta_viscous", "alpha_cubic", "theta_cubic"})
@@ -141,7 +130,7 @@ def test_which_lengths_are_fitted(monkeypatch, ends, kept):
 
 
 def test_fit_to_other_data():
-    """Assert values, those at a bound, and that a wrong fixed gain leaves large residuals."""
+    """Assert values, durations up to four times as long, and values at a bound."""
     other = data(made(12, 4.0))
     near = {c: 1.02 * v for c, v in COEFFICIENTS.items()}
     found, lengths_fitted = fit_to(PAPER, other, near, 1.0)
@@ -156,12 +145,6 @@ def test_fit_to_other_data():
     assert "alpha2" not in found.names
     place = found.problem.unknowns.system.coefficients.index("alpha2")
     assert found.coefficients(0)[place] == 1.0
-    given = [
-        fit_to(replace(PAPER, fixed={"beta1": gain}), other, COEFFICIENTS, 1.0)[0]
-        for gain in (10 / 3, 4.0)
-    ]
-    assert given[0].names == ("theta1", "theta2", "alpha1", "alpha2")
-    assert given[1].excess > 100.0 * given[0].excess
 
 
 def test_the_rest_follows_what_is_gone(monkeypatch):
@@ -266,16 +249,6 @@ def test_holds_are_compared_in_equal_steps(monkeypatch: pytest.MonkeyPatch):
     apart = np.sqrt(np.diag(fits_by_length.hold_covariance(fine, ("zero",)))) / fine.unit_deviations
     assert np.abs((last.values - fine.values) / fine.unit_deviations).max() > 1.0
     assert apart.max() < 0.05
-
-
-def test_other_data_are_asked_again():
-    """Assert that a fit to other data refines its steps as these data require."""
-    fitted, lengths_fitted = fit_to(STRUCTURE, data(recorded(FINE_NOISE)), FINE_START, 1.0)
-    assert fitted.data.refinement > 1
-    assert refinement(fitted.problem, fitted.minimum) == 1
-    assert [one_length for one_length in lengths_fitted if one_length is fitted]
-    beyond = [one_length for one_length in lengths_fitted if one_length.duration > fitted.duration]
-    assert {one_length.data.refinement for one_length in beyond} == {fitted.data.refinement}
 
 
 @pytest.mark.parametrize("refined", [False, True])

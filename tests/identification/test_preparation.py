@@ -109,15 +109,6 @@ def log(*recordings, digest=""):
     return Log(recordings, (), recordings[0].source, digest)
 
 
-def test_a_model_leaves_channels_aside():
-    """Assert that model "rigid" omits the link's channels, and "flexible" equals the default."""
-    whole = log(recording())
-    (kept,) = prepare([whole], SHARE, "rigid")[0].recorded
-    assert kept.link_position is kept.link_velocity is None
-    assert kept.input is not None
-    assert prepare([whole], SHARE, "flexible")[0].recorded == prepare([whole], SHARE)[0].recorded
-
-
 def lacking(channel: str) -> Log:
     """Return a log without its input, or without the link's position."""
     whole = recording(link=channel == "input")

@@ -91,17 +91,6 @@ def test_fit_is_one_minus_error_over_spread(recording):
     assert len(twice.runs) == 2
 
 
-def test_a_short_recording_keeps_no_other_from_a_horizon(recording):
-    """Assert that a recording too short for a horizon does not affect the others."""
-    alone = predicted(data(recording), beta1=3.2)
-    short = recording.window(0, 900)
-    found = predicted(data(short, recording), (600, START), beta1=3.2)
-    assert list(found.horizons) == list(alone.horizons)
-    assert found.horizons[1.0]["deflection"] == pytest.approx(
-        alone.horizons[1.0]["deflection"], abs=1.0
-    )
-
-
 def test_a_horizon_within_a_sample_is_left_out(recording):
     """Assert that a horizon shorter than a sample is left out."""
     slow = replace(
@@ -115,13 +104,8 @@ def test_a_horizon_within_a_sample_is_left_out(recording):
     assert list(found.horizons) == [0.2, 1.0, 5.0]
 
 
-def test_wrong_models_predict_worse(recording):
-    """Assert a poor deflection for a soft spring, and decay over horizons for a wrong friction."""
-    fit = predicted(data(recording), theta2=50.0, alpha1=500 / 3).fit_percent
-    assert fit["deflection"] < min(30.0, fit["link_position"])
-    horizons = predicted(data(recording), alpha2=0.0).horizons.values()
-    link = [fits["link_position"] for fits in horizons]
-    assert link[0] > link[1] > link[2]
+def test_a_motion_that_diverges_explains_nothing(recording):
+    """Assert a poor fit in every channel if the free run diverges."""
     fits = predicted(data(recording), (1000,), alpha2=-300.0).fit_percent
     assert all(fit < -1e3 for fit in fits.values())
 

@@ -253,17 +253,6 @@ def test_a_fit_of_short_segments_gives_way_to_disturbances(
     assert answers.answer(cast(Any, job)) is (exact if is_exact else other)
 
 
-def test_one_encoder_gives_the_rigid_joint():
-    """Assert that a log with one encoder gives inertia and gravity of a rigid joint."""
-    stiff = made(6, joint_stiffness=1e6)
-    alone = log(replace(stiff, link_position=None))
-    result = identify([alone], Settings(terms=("gravity", "viscous")))
-    assert result.model == "rigid"
-    assert not result.compliance.visible
-    assert_true(result, {"gamma1": 5.0 / 1.3, "gamma_viscous": 0.2 / 1.3, "beta1": 1.0 / 1.3})
-    assert result.parameters["inertia"].value == pytest.approx(1.3, rel=1e-3)
-
-
 @pytest.mark.parametrize(
     ("given", "words"),
     [
