@@ -43,10 +43,8 @@ FILES = {
     ),
     "identification/structure/choice.py": ("search", f"{_STRUCTURE} test_whole_identification"),
     "identification/structure/gap.py": ("search", f"{_STRUCTURE} test_gap"),
-    "identification/structure/shapes.py": (
-        "search",
-        f"{_STRUCTURE} test_sought_shape test_absence",
-    ),
+    "identification/structure/shapes.py": ("search", f"{_STRUCTURE} test_sought_shape"),
+    "identification/structure/sought_terms.py": ("search", f"{_STRUCTURE} test_sought_shape"),
     "estimators/cluster_covariance.py": (
         "covariance",
         "test_block_sandwich test_shrunken_covariance test_cluster_covariance "

@@ -9,13 +9,15 @@ import pytest
 from made_joint import fitted, log, made, over, turned
 
 import flexid.identification.structure.shapes as shapes
+import flexid.identification.structure.sought_terms as sought_terms
 from flexid.errors import ConvergenceError, SettingError
 from flexid.identification.estimation.model_error import widened
 from flexid.identification.full_model.fits_by_length import FitsByLength, leaves_more
 from flexid.identification.full_model.model import Fitted
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.structure.shapes import BEND, RIPPLE, STRIBECK, fit_with_shape
+from flexid.identification.structure.shapes import fit_with_shape
+from flexid.identification.structure.sought_terms import BEND, RIPPLE, STRIBECK
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import HARDENING, PAPER_TERMS
@@ -52,7 +54,9 @@ def test_a_constant_goes_where_the_sum_of_squares_is_least(
         found = fitted(recording, *terms, widths={shape.constant: away * truth})
         assert found.minimum.equations.cost < exact.minimum.equations.cost
         assert shape.of(found.structure) == pytest.approx(truth, rel=accuracy)
-        value, deviation, _ = shapes.sought_constants(found.fit, found.structure)[shape.constant]
+        value, deviation, _ = sought_terms.sought_constants(found.fit, found.structure)[
+            shape.constant
+        ]
         assert value == shape.of(found.structure)
         assert abs(value - truth) < 4.0 * deviation < 0.2 * truth
 
@@ -115,9 +119,9 @@ def test_a_bend_without_stiffness_below_is_play(theta, alpha, slack):
         made_up = SimpleNamespace(structure=SimpleNamespace(fixed={}), by_name=by_name)
         return cast(Fitted, made_up)
 
-    assert shapes.is_slack(of({*values})) == slack
-    assert shapes.is_slack(of({"theta2", "theta_bend"})) == (theta < 1.0)
-    assert not shapes.is_slack(of({"theta2", "alpha1"}))
+    assert sought_terms.is_slack(of({*values})) == slack
+    assert sought_terms.is_slack(of({"theta2", "theta_bend"})) == (theta < 1.0)
+    assert not sought_terms.is_slack(of({"theta2", "alpha1"}))
     assert BEND.is_plausible(of({"alpha1", "alpha_bend"})) == (alpha > 10.0)
 
 
@@ -174,7 +178,7 @@ def test_the_spectrum_by_position_shows_the_number():
     """Assert that the residuals' largest peak is within half the resolution of the number."""
     plain = fitted(made(4, **RIPPLED))
     resolution = RIPPLE.resolution(plain.structure.joint, plain.data)
-    few, peaks = np.split(np.array(shapes.numbers(plain.structure, plain.data)), [5])
+    few, peaks = np.split(np.array(sought_terms.numbers(plain.structure, plain.data)), [5])
     assert peaks[0] == pytest.approx(NUMBER, abs=0.5 * resolution)
     assert few == pytest.approx(resolution * np.linspace(1.0, 4.0, 5))
 
@@ -205,10 +209,10 @@ def test_a_reflected_bend_is_the_same_spring(tied: bool):
     values |= {"bend_deflection": -0.2, "stribeck_velocity": -0.1}
     if not tied:
         values["theta_bend"] = 21.0
-    found = shapes.reflected(values)
+    found = sought_terms.reflected(values)
     assert found.keys() == values.keys()
     assert (found["bend_deflection"], found["stribeck_velocity"]) == (0.2, 0.1)
-    assert (found["theta1"], shapes.reflected(found)) == (5.0, found)
+    assert (found["theta1"], sought_terms.reflected(found)) == (5.0, found)
 
     def torque(own: dict[str, float], spring: str, bend: str) -> np.ndarray:
         following = own["alpha_bend"] * own["theta2"] / own["alpha1"]
@@ -335,6 +339,6 @@ def test_many_turns_need_no_more_memory():
     (recording,) = plain.data.samples
     away = np.linspace(0.0, 1e6, len(recording))[:, None]
     turning = replace(recording, positions=recording.positions + away)
-    found = shapes.numbers(plain.structure, replace(plain.data, samples=(turning,)))
+    found = sought_terms.numbers(plain.structure, replace(plain.data, samples=(turning,)))
     assert len(found) <= 5 + 8
     assert max(found) <= 2.0**15 * 2.0 * np.pi / 1e6

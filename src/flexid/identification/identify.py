@@ -47,7 +47,7 @@ from flexid.identification.result import (
 from flexid.identification.structure.choice import Choice
 from flexid.identification.structure.job import Job, job_of
 from flexid.identification.structure.link_delay import confused_covariance, in_doubt, skew
-from flexid.identification.structure.shapes import sought_constants
+from flexid.identification.structure.sought_terms import sought_constants
 from flexid.identification.vocabulary import Progress, silent
 from flexid.identification.vocabulary.evidence import (
     Compliance,

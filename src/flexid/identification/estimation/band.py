@@ -22,7 +22,7 @@ from flexid.estimators.steady_gains import Sizes
 from flexid.identification.estimation.thinned_log import PER_PERIOD, directions, thinned
 from flexid.identification.full_model.fitting import USUAL, Steps, motion_at, within_bounds
 from flexid.identification.full_model.model import Data, Fitted, M, Structure, sensor_noise
-from flexid.identification.structure.shapes import reflected
+from flexid.identification.structure.sought_terms import reflected
 from flexid.identification.structure.validation import Follower, from_fitted_states
 
 SPRING_SHARE = 0.25

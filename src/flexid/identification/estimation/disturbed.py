@@ -37,7 +37,7 @@ from flexid.identification.full_model.starting import no_start, starts
 from flexid.identification.structure.elimination import eliminate, latest
 from flexid.identification.structure.gap import likely_play
 from flexid.identification.structure.link_delay import is_damping, shifted, skew
-from flexid.identification.structure.shapes import BEND, STRIBECK
+from flexid.identification.structure.sought_terms import BEND, STRIBECK
 from flexid.identification.structure.validation import Follower
 from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds

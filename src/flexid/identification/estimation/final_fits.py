@@ -39,9 +39,9 @@ from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
 from flexid.identification.full_model.starting import first_fits, least_squares_start, suited_rate
 from flexid.identification.preparation.recordings import Alignment, Delay, SplitRecordings, aligned
 from flexid.identification.structure.choice import Choice
-from flexid.identification.structure.gap import CHANCE, with_free_width
+from flexid.identification.structure.gap import CHANCE, settled, with_free_width
 from flexid.identification.structure.link_delay import confused_covariance
-from flexid.identification.structure.shapes import settled, with_other_laws
+from flexid.identification.structure.sought_terms import with_other_laws
 from flexid.identification.vocabulary.evidence import Estimate, ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE, coefficients_of

@@ -31,7 +31,11 @@ from flexid.identification.full_model.fitting import beyond_noise, expanded, fit
 from flexid.identification.full_model.model import ROUGH, Fitted, once_per_fit
 from flexid.identification.preparation.recordings import Amplifier
 from flexid.identification.structure.gap import CHANCE, is_dead_zone
-from flexid.identification.structure.shapes import SOUGHT, SOUGHT_COEFFICIENTS, with_other_laws
+from flexid.identification.structure.sought_terms import (
+    SOUGHT,
+    SOUGHT_COEFFICIENTS,
+    with_other_laws,
+)
 from flexid.identification.vocabulary.evidence import Estimate, ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE, HARDENING, PLAY

@@ -21,7 +21,8 @@ from flexid.identification.full_model.fits_by_length import (
 from flexid.identification.full_model.fitting import ON_THE_WAY, fit_from, fit_like
 from flexid.identification.full_model.model import ROUGH, Fitted, Structure
 from flexid.identification.structure.elimination import eliminate, latest, leanest
-from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS, settled
+from flexid.identification.structure.gap import settled
+from flexid.identification.structure.sought_terms import SOUGHT_COEFFICIENTS
 from flexid.identification.vocabulary import Progress
 from flexid.identification.vocabulary.evidence import Estimate, SegmentEvidence, TermEvidence
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds

@@ -111,6 +111,11 @@ def about_its_own_centre(fitted: Fitted) -> Fitted:
     return fitted
 
 
+def settled(fitted: Fitted) -> Fitted:
+    """Return a fit with the width of play equal to its gap, and a centred spring."""
+    return as_wide_as_its_gap(about_its_own_centre(fitted))
+
+
 def met(trail: list[tuple[float, float]]) -> float:
     """Return the width at which width and gap are equal, by the secant through the last two."""
     (_, gap), *before = trail[:-3:-1]

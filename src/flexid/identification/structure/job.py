@@ -22,17 +22,20 @@ from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.preparation.settings import Settings, check_against, check_for
 from flexid.identification.preparation.stated import Stated, stated
 from flexid.identification.structure.choice import Choice, choose_structure
-from flexid.identification.structure.gap import about_its_centre, as_wide, fit_with_play, width_of
+from flexid.identification.structure.gap import (
+    about_its_centre,
+    as_wide,
+    fit_with_play,
+    settled,
+    width_of,
+)
 from flexid.identification.structure.link_delay import CONFUSED, doubtful
 from flexid.identification.structure.shapes import (
-    SOUGHT,
-    SOUGHT_COEFFICIENTS,
     SoughtShape,
     fit_requested_shape,
     fit_with_shape,
-    is_slack,
-    settled,
 )
+from flexid.identification.structure.sought_terms import SOUGHT, SOUGHT_COEFFICIENTS, is_slack
 from flexid.identification.structure.validation import misprediction, validate
 from flexid.identification.vocabulary import Progress, silent
 from flexid.identification.vocabulary.evidence import Validation

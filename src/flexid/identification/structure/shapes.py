@@ -1,9 +1,4 @@
-"""Terms with constants that are sought in the log: ripple, Stribeck friction, a bent spring.
-
-Cogging, gear teeth and uneven commutation act on the motor as a sine of its position. The residuals
-of the motor's row are summed over the position. Their spectrum shows the number of periods in a
-turn, unless the whole motion has only a few. Stribeck friction falls from its static value as the
-motor moves. A bent spring has another stiffness beyond some deflection, as in gear catalogues.
+"""Search for terms with a constant that is sought in the log; see `structure.sought_terms`.
 
 Such a term is tried if the usual terms leave more than noise. It starts with the constant that is
 predicted to explain the most. Then the fit finds coefficients and constant together.
@@ -16,7 +11,6 @@ from operator import itemgetter
 
 import numpy as np
 
-from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.samples import side_by_side
 from flexid.identification.full_model.fits_by_length import (
@@ -30,28 +24,11 @@ from flexid.identification.full_model.fits_by_length import (
 )
 from flexid.identification.full_model.fitting import fit_by_length, fit_from, fit_like
 from flexid.identification.full_model.model import ROUGH, Data, Fitted, Structure
-from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.preparation.joint import Joint
-from flexid.identification.structure.gap import (
-    about_its_own_centre,
-    as_wide_as_its_gap,
-    with_other_damping,
-)
 from flexid.identification.vocabulary import Progress
-from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import Thresholds
-from flexid.models.flexible_joint import (
-    BEND_DEFLECTION,
-    HARDENING,
-    RIPPLE_NUMBER,
-    SHAPE_TERMS,
-    SOUGHT_CONSTANTS,
-    SPRING,
-    SPRING_CENTRE,
-    STRIBECK_EXPONENTIAL,
-    STRIBECK_VELOCITY,
-)
 
+_APART = 2.0  # distance of the followed candidates, over the resolution
 _AROUND = np.linspace(-0.4, 0.4, 5)  # distances of constants from a candidate, over the resolution
 
 
@@ -229,223 +206,3 @@ def _near(
     constants = (value + _AROUND * resolution).tolist()
     near = [shape.put(structure, away) for away in constants if away > shape.least(before)]
     return side_by_side(lambda own: (_promised(before, own), own), near)
-
-
-_APART = 2.0  # distance of the followed candidates, over the resolution
-_MOTOR = 1  # index of the motor's row and position
-_RATES = (60.0, 200.0)  # 1/s, of the filters of least squares
-_PEAKS = 4  # most peaks of a spectrum that are tried
-_LARGEST = {"revolute": 500.0, "prismatic": 2e3 * np.pi}  # periods per turn, or per 2π m (1 mm)
-_FASTEST = 0.5  # largest phase in rad per sample, at the motor's usual velocity
-_FEW = (1.0, 1.75, 2.5, 3.25, 4.0)  # periods in the range of motion, too few for a sharp peak
-_FEWEST = 1.0  # least periods in the range of motion; fewer are any slow function of the position
-_FINER = 8  # zero-padding of a spectrum
-_BINS = 8  # position bins in a period of the largest number
-_MOST_BINS = 2**18  # of a spectrum
-# Stribeck velocities over the motor's root mean square velocity; difference to the next clearly
-# distinguishable one, over the velocity itself.
-_VELOCITIES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.28, 2.56)
-_NEXT_VELOCITY = 0.8
-# Bends over the deflection's standard deviation, counted from its mean, which a preload shifts.
-_DEFLECTIONS, _NEXT_DEFLECTION = (0.0, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0), 0.4
-_LEAST_DEFLECTION = 0.2  # least bend, likewise: a smaller one looks like friction
-_BENDS = (*SHAPE_TERMS["bent_spring"].link, *SHAPE_TERMS["bent_spring"].motor)
-# Stiffness below the bend over that beyond it, up to which the bend looks like play; among
-# disturbances play of 1 to 3 mrad had up to 0.05.
-_SLACK, _NEARLY_SLACK = 0.01, 0.1
-
-
-def _apart_in_number(_: Joint, data: Data) -> float:
-    """Return the resolution of the periods per turn: one period over the whole motion."""
-    return 2.0 * np.pi / _range(data)
-
-
-def _range(data: Data) -> float:
-    """Return the range of the motor's motion in rad."""
-    positions = [recording.positions[:, _MOTOR] for recording in data.samples]
-    return float(max(p.max() for p in positions) - min(p.min() for p in positions))
-
-
-def numbers(structure: Structure, data: Data) -> list[float]:
-    """Return candidate numbers of periods in a turn, from the residuals of least squares."""
-    if not _range(data) > 0.0:
-        return []
-    apart = _apart_in_number(structure.joint, data)
-    found = [few * apart for few in _FEW]
-    for number in (peak for rate in _RATES for peak in _peaks(structure, data, rate)):
-        if all(abs(number - other) > 0.5 * apart for other in found):
-            found.append(number)
-    return found
-
-
-def _peaks(structure: Structure, data: Data, rate: float) -> list[float]:
-    """Return the largest peaks of the spectrum, over position, of the motor row's residuals."""
-    velocities = [structure.joint.both_sides(s)[1][:, _MOTOR] for s in data.samples]
-    speed = float(np.sqrt(np.mean(np.concatenate(velocities) ** 2)))
-    largest = _LARGEST[structure.joint.type]
-    fastest = _FASTEST / max(speed * data.samples[0].sample_time, _FASTEST / largest)
-    most = min(fastest, _MOST_BINS / _BINS * _apart_in_number(structure.joint, data))
-    bin_width = 2.0 * np.pi / (_BINS * most)
-    lowest = min(s.positions[:, _MOTOR].min() for s in data.samples)
-    left = np.zeros(int(_range(data) / bin_width) + 1)
-    row = least_squares_start(structure, data, rate)[1].rows[_MOTOR]
-    residual, first = row.left_hand_side - row.fitted, 0
-    for recording in data.samples:
-        positions = recording.positions[1:-1, _MOTOR]
-        own = residual[first : first + len(positions)]
-        first += len(positions)
-        back = _backwards(own, float(np.exp(-rate * recording.sample_time)))
-        places = ((positions - lowest) / bin_width).astype(np.int64)
-        left += np.bincount(places, weights=back, minlength=len(left))
-    padded = _FINER * len(left)
-    power = np.abs(np.fft.rfft(left, padded)) ** 2
-    number = 2.0 * np.pi * np.arange(len(power)) / (padded * bin_width)
-    usable = (number <= most) & (number >= _FEWEST * _apart_in_number(structure.joint, data))
-    inner = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
-    inner = inner[usable[inner]]
-    return number[inner[np.argsort(-power[inner])][:_PEAKS]].tolist()
-
-
-def _backwards(signal: FloatArray, pole: float) -> FloatArray:
-    """Return a signal filtered backwards, to undo the delay of the forward filter."""
-    padded = 2 * len(signal)
-    turns = np.exp(-2j * np.pi * np.arange(padded // 2 + 1) / padded)
-    response = ((1.0 - pole) / (1.0 - pole * turns)) ** 2
-    spectrum = np.fft.rfft(signal, padded) * response.conj()
-    return np.fft.irfft(spectrum, padded)[: len(signal)]
-
-
-RIPPLE = SoughtShape(
-    "ripple of the torque",
-    frozenset(SHAPE_TERMS["torque_ripple"].coefficients),
-    RIPPLE_NUMBER,
-    numbers,
-    _apart_in_number,
-)
-"""Ripple, and the number of its periods in a turn."""
-
-
-def _apart_in_velocity(joint: Joint, _: Data) -> float:
-    """Return the resolution of Stribeck velocities in rad/s, proportional to the velocity."""
-    return _NEXT_VELOCITY * joint.first[STRIBECK_VELOCITY]
-
-
-def velocities(structure: Structure, data: Data) -> list[float]:
-    """Return candidate Stribeck velocities in rad/s."""
-    sides = (structure.joint.both_sides(recording)[1] for recording in data.samples)
-    usual = float(np.sqrt(np.mean(np.concatenate([v[:, _MOTOR] for v in sides]) ** 2)))
-    return [share * usual for share in _VELOCITIES] if usual > 0.0 else []
-
-
-def _lost_in_a_sample(fitted: Fitted) -> float:
-    """Return the change of velocity in rad/s by dry friction alone between two samples.
-
-    Friction with a smaller Stribeck velocity would change faster than the log was sampled.
-    """
-    sample_time = max(samples.sample_time for samples in fitted.data.samples)
-    return abs(fitted.by_name.get("alpha_coulomb", 0.0)) * sample_time
-
-
-STRIBECK = SoughtShape(
-    "friction that falls off its static value",
-    frozenset(SHAPE_TERMS["motor_stribeck"].coefficients),
-    STRIBECK_VELOCITY,
-    velocities,
-    _apart_in_velocity,
-    _lost_in_a_sample,
-    laws=({STRIBECK_EXPONENTIAL: 0.0}, {STRIBECK_EXPONENTIAL: 1.0}),
-    is_possible=lambda fitted: fitted.by_name.get("alpha_stribeck", np.inf) > 0.0,
-)
-"""Stribeck friction of the motor, and its velocity."""
-
-
-def _deflection(joint: Joint, data: Data) -> tuple[float, float]:
-    """Return mean and standard deviation of the deflection in rad."""
-    every = joint.deflections(data.samples)
-    return float(np.mean(every)), float(np.std(every))
-
-
-def _apart_in_deflection(joint: Joint, data: Data) -> float:
-    """Return the resolution of the deflection at which a spring bends, in rad."""
-    return _NEXT_DEFLECTION * _deflection(joint, data)[1]
-
-
-def deflections(structure: Structure, data: Data) -> list[float]:
-    """Return candidate deflections in rad at which the spring may bend."""
-    mean, usual = _deflection(structure.joint, data)
-    if not usual > 0.0:
-        return []
-    mean -= structure.joint.extended.constants[SPRING_CENTRE]
-    tried = {abs(mean) + sign * share * usual for share in _DEFLECTIONS for sign in (-1.0, 1.0)}
-    return sorted(deflection for deflection in tried if deflection >= _LEAST_DEFLECTION * usual)
-
-
-BEND = SoughtShape(
-    "a spring that bends",
-    frozenset(SHAPE_TERMS["bent_spring"].coefficients),
-    BEND_DEFLECTION,
-    deflections,
-    _apart_in_deflection,
-    in_place_of=HARDENING,
-    is_plausible=lambda fitted: not is_slack(fitted, _NEARLY_SLACK),
-)
-"""A bent spring, and the deflection at which it bends."""
-
-
-def is_slack(fitted: Fitted, share: float = _SLACK) -> bool:
-    """Whether a bent spring has hardly any stiffness below its bend, like a spring with play."""
-    values = {**fitted.structure.fixed, **fitted.by_name}
-    springs = zip(map(values.get, SPRING), map(values.get, _BENDS), strict=True)
-    known = [(below, more) for below, more in springs if below is not None and more is not None]
-    return bool(known) and all(below <= share * (below + more) for below, more in known)
-
-
-def reflected(values: Mapping[str, float]) -> dict[str, float]:
-    """Return equivalent values with a positive bend and Stribeck velocity.
-
-    The velocity counts by its size. A bend at -b of the stiffness B is one at b of the stiffness -B
-    with a spring that is stiffer by 2 B.
-    """
-    found = dict(values)
-    found[STRIBECK_VELOCITY] = abs(values.get(STRIBECK_VELOCITY, 0.0))
-    if values.get(BEND_DEFLECTION, 0.0) < 0.0:
-        pairs = [(k, b) for k, b in zip(SPRING, _BENDS, strict=True) if {k, b} <= values.keys()]
-        share = values[pairs[0][1]] / values[pairs[0][0]]
-        found |= {name: (1.0 + 2.0 * share) * values[name] for name in {*SPRING} & values.keys()}
-        found |= {name: -values[name] for name in {*_BENDS, BEND_DEFLECTION} & values.keys()}
-    return {name: found[name] for name in values}
-
-
-SOUGHT = (STRIBECK, RIPPLE, BEND)
-"""Terms that are tried automatically, each with a constant that is sought."""
-
-SOUGHT_COEFFICIENTS = frozenset(c for shape in SOUGHT for c in shape.coefficients)
-"""Coefficients of the terms in `SOUGHT`."""
-
-
-def with_other_laws(structure: Structure) -> Iterator[Structure]:
-    """Yield the structure with each other law of its terms that have several."""
-    for shape in SOUGHT:
-        if not shape.coefficients - {shape.constant} <= structure.absent:
-            for law in shape.laws:
-                joint = structure.joint.with_widths(law)
-                if joint.constants != structure.joint.constants:
-                    yield replace(structure, joint=joint)
-    yield from with_other_damping(structure)
-
-
-def settled(fitted: Fitted) -> Fitted:
-    """Return a fit with the width of play equal to its gap, and a centred spring."""
-    return as_wide_as_its_gap(about_its_own_centre(fitted))
-
-
-def sought_constants(
-    estimate: Estimate, structure: Structure
-) -> dict[str, tuple[float, float, float]]:
-    """Return value, standard deviation and degrees of freedom of each sought constant.
-
-    A constant that was held fixed has an infinite standard deviation.
-    """
-    held = SOUGHT_CONSTANTS & structure.fixed.keys()
-    found = {name: (structure.fixed[name], np.inf, 0.0) for name in sorted(held)}
-    return found | {name: estimate.of(name) for name in estimate.names if name in SOUGHT_CONSTANTS}
