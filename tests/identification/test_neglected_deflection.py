@@ -1,7 +1,6 @@
 """Doubt about the inertia of a drive that was taken as rigid though its joint bends."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,13 +9,13 @@ from made_joint import log, made, recording
 from flexid.identification.estimation.neglected_deflection import (
     by_hidden_spring,
     excess_of_link,
-    with_neglected_deflection,
+    with_bending,
+    with_hidden_spring,
 )
 from flexid.identification.identify import identify
 from flexid.identification.preparation.recordings import prepare
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.evidence import Estimate
-from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 TIMES = 2e-3 * np.arange(5000)
 RNG = np.random.default_rng(3)
@@ -43,7 +42,7 @@ def test_all_coefficients_change_alike():
     log_of = made(1, 6.0, joint_stiffness=1e4, noise=0.0)
     names = ("gamma1", "beta1", "input_delay")
     before = Estimate(names, np.array([4.0, 0.8, 1e-3]), 1e-8 * np.eye(3), (50.0,) * 3)
-    after, _ = with_neglected_deflection(before, [log_of], exact=True, thresholds=THRESHOLDS)
+    after = with_bending(before, [log_of])
     share = 0.5 * excess_of_link([log_of]) / np.sqrt(3.0)
     assert share == pytest.approx(0.015, abs=0.005)
     assert after.deviations[:2] == pytest.approx(share * before.values[:2], rel=1e-3)
@@ -67,21 +66,22 @@ def test_the_inertia_may_grow_with_the_frequency(more: float):
     found = Estimate(names, values, 1e-8 * np.eye(4), (50.0,) * 4)
     noise = 1e-6 * RNG.standard_normal(len(TIMES))
     drive = replace(recording(TIMES, position, position + noise, torque), link_position=None)
-    change = by_hidden_spring(found, [drive])
-    about: dict[str, Any] = {"exact": False, "thresholds": THRESHOLDS}
-    widened, warnings = with_neglected_deflection(found, [drive], **about)
+    change = by_hidden_spring(found, [drive], {})
+    widened, share = with_hidden_spring(found, [drive], {})
     if more <= 0.0:
         assert not change.any()
-        assert (widened.covariance.tolist(), warnings) == (found.covariance.tolist(), ())
+        assert (widened.covariance.tolist(), share) == (found.covariance.tolist(), 0.0)
         return
     truth = np.array([1.5, 0.25, 0.5, 0.0])
     assert np.abs(values - truth)[[0, 2]].min() > 0.05
     assert values + change == pytest.approx(truth, rel=0.05)
     assert widened.deviations[2] == pytest.approx(change[2] / np.sqrt(3.0), rel=0.01)
-    assert [str(own)[:17] for own in warnings] == ["the inertia grows"]
-    of_given = Estimate(names[:2], values[:2], np.eye(2), (50.0,) * 2)
-    for other, how in ((found, {"exact": True}), (of_given, {})):
-        assert with_neglected_deflection(other, [drive], **{**about, **how}) == (other, ())
+    assert share == pytest.approx(widened.deviations[2] / values[2], rel=0.01)
+    # Terms with known values act as well.
+    fewer = Estimate(names[1:3], values[1:3], 1e-8 * np.eye(2), (50.0,) * 2)
+    known = by_hidden_spring(fewer, [drive], {"gamma1": values[0], "input_delay": 0.0})
+    assert known == pytest.approx(change[1:3])
+    assert by_hidden_spring(fewer, [drive], {}) != pytest.approx(change[1:3], rel=0.1)
 
 
 def test_a_spring_behind_the_only_encoder_is_a_doubt():
@@ -91,6 +91,9 @@ def test_a_spring_behind_the_only_encoder_is_a_doubt():
     assert any("as if the joint bends" in warning for warning in found.warnings)
     inertia = found.parameters["inertia"]
     assert inertia.interval[0] < 1.3 < 0.95 * inertia.value
+    about = Settings(known={"inertia": 1.3}, terms=("gravity", "viscous"))
+    given = identify([log(replace(soft, link_position=None))], about)
+    assert not any("as if the joint bends" in warning for warning in given.warnings)
 
 
 def test_a_rigid_drive_moves_as_the_mean_of_both_sides():

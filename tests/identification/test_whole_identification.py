@@ -222,23 +222,27 @@ def test_a_search_beyond_its_budget_uses_a_part_or_allows_for_disturbances(
 
 
 @pytest.mark.parametrize(
-    ("excess", "duration", "unexplained", "disturbed", "is_exact"),
+    ("excess", "duration", "longest", "unexplained", "disturbed", "is_exact"),
     [
-        (1.05, 0.6, 0.02, 0.01, True),  # long segments
-        (1.05, 0.1, 0.0009, 0.01, True),  # short ones, whose remainder stays small
-        (1.05, 0.1, 0.006, 0.09, False),
-        (1.05, 0.1, 0.006, 0.11, True),  # disturbances hide the core
-        (1.2, 0.1, 0.02, 0.11, False),  # more than noise
+        (1.05, 0.6, 5.0, 0.02, 0.01, True),  # long segments
+        (1.05, 0.1, 0.1, 0.02, 0.01, True),  # there are no longer ones
+        (1.05, 0.1, 5.0, 0.0009, 0.01, True),  # the remainder stays small
+        (1.01, 0.1, 5.0, 0.006, 0.01, True),  # it is chance
+        (1.05, 0.1, 5.0, 0.006, 0.09, False),
+        (1.05, 0.1, 5.0, 0.006, 0.11, True),  # disturbances hide the core
+        (1.2, 0.1, 5.0, 0.02, 0.11, False),  # more than noise
     ],
 )
 def test_a_fit_of_short_segments_gives_way_to_disturbances(
-    monkeypatch, excess, duration, unexplained, disturbed, is_exact
+    monkeypatch, excess, duration, longest, unexplained, disturbed, is_exact
 ):
     """Assert which fit is reported, by what is left over half a second and the core's width."""
     reported = made_fit(excess, duration=duration, at_bound={}, converged=True)
     reported.unexplained = unexplained
     reported.unexplained_over = lambda whole: unexplained * whole / duration
-    fits = cast(Any, SimpleNamespace(reported=reported))
+    reported.problem.degrees_of_freedom = 20_000
+    choice = SimpleNamespace(by_length=SimpleNamespace(are_short=longest > duration))
+    fits = cast(Any, SimpleNamespace(reported=reported, choice=choice))
     exact, other = (answers.Answer(fits, cast(Any, None), cast(Any, None)) for _ in range(2))
     job = SimpleNamespace(exact=False, thresholds=THRESHOLDS, whole=None)
     for name, result in (

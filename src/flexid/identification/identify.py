@@ -17,7 +17,7 @@ from flexid.identification.estimation.excitations import row_excitation, row_siz
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.inputs import answer_with_amplifier
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
-from flexid.identification.estimation.neglected_deflection import with_neglected_deflection
+from flexid.identification.estimation.neglected_deflection import with_bending, with_hidden_spring
 from flexid.identification.full_model.model import LINK
 from flexid.identification.judgement import (
     coefficient_estimates,
@@ -70,6 +70,11 @@ _TAKEN_AS_RIGID = Caution(
     "taken as rigid: inertia and friction are those of motor and link together; excite the "
     "resonance, use finer encoders, or see what little is known with `--model flexible`",
     Rank.MOTION,
+)
+_HIDDEN_SPRING = Caution(
+    "the inertia grows with the frequency of the motion, as if the joint bends: the intervals "
+    "allow for that; log link_position to identify the spring",
+    Rank.MODEL,
 )
 _NOT_CONVERGED = (
     "the fit does not converge, so the value is unknown: identify a part of the log, "
@@ -138,15 +143,8 @@ def _identified(job: Job, logs: Sequence[Log], dropped: Sequence[str]) -> Identi
     """Return the identification of a job; `dropped` are warnings about its recordings."""
     settings, thresholds = job.settings, job.thresholds
     job, found, amplifier = answer_with_amplifier(job)
+    found, bending = _with_neglected_deflection(job, found, logs)
     exact = found.disturbances is None
-    bending: tuple[Caution, ...] = ()
-    if job.joint.kind == "rigid":
-        whole = [recording for log in logs for recording in log.recordings]
-        estimate, bending = with_neglected_deflection(
-            found.estimate, whole, exact=exact, thresholds=thresholds
-        )
-        found = replace(found, estimate=estimate)
-    recordings = job.recordings
     fits, validation, choice = found.fits, found.validation, found.fits.choice
     numbers = _numbers(job, fits, found)
     compliance = _compliance(job, numbers.coefficients, validation)
@@ -197,9 +195,29 @@ def _identified(job: Job, logs: Sequence[Log], dropped: Sequence[str]) -> Identi
             )
         ),
         provenance=provenance(logs, settings, job.joint.kind, choices),
-        recordings=recordings.whole,
+        recordings=job.recordings.whole,
         disturbances=found.disturbances,
     )
+
+
+def _with_neglected_deflection(
+    job: Job, found: Answer, logs: Sequence[Log]
+) -> tuple[Answer, tuple[Caution, ...]]:
+    """Return the answer with the doubt that a rigid joint bends, and a warning if it seems to."""
+    if job.joint.kind != "rigid":
+        return found, ()
+    recordings = [recording for log in logs for recording in log.recordings]
+    if any(recording.link_position is not None for recording in recordings):
+        return replace(found, estimate=with_bending(found.estimate, recordings)), ()
+    # The positions of an exact fit show the inertia at the lowest frequencies.
+    if found.disturbances is None or "beta1" not in found.estimate.names:
+        return found, ()
+    reported = found.fits.reported
+    known = {**reported.structure.fixed, **reported.structure.timing.delays, **reported.at_bound}
+    estimate, share = with_hidden_spring(found.estimate, recordings, known)
+    half_width = 2.0 * share
+    noted = half_width > job.thresholds.noted_width
+    return replace(found, estimate=estimate), (_HIDDEN_SPRING,) if noted else ()
 
 
 def _moving_channels(job: Job, validation: Validation) -> dict[str, float]:

@@ -70,10 +70,12 @@ UNEXPLAINED = 0.1  # share of a balance's acceleration; with less unexplained, t
 # Share of a balance's acceleration that disturbances leave, up to which an exact fit may be
 # reported. In 15 logs with one, they left up to 0.004.
 _LEFT_BY_EXACT = 0.01
+_BY_CHANCE = 3.0  # standard deviations of a mean square of noise
 OF_A_LENGTH = "segments of other lengths give other values"
-# Most integration steps to search for an exact fit, some ten seconds, and as many again to fit it
-# to all data. Logs of 34 families took 5.6e6 at most for both. More are needed if the model does
-# not explain the log, or if the joint is so stiff that a sample needs many steps.
+# Most integration steps to search for an exact fit, some ten seconds. As many again may be taken to
+# complete a search that has succeeded, to search in a part of the log, and to fit all data. Logs of
+# 34 families took 5.6e6 at most for all. More are needed if the model does not explain the log, or
+# if the joint is so stiff that a sample needs many steps.
 _MOST_STEPS = 1e7
 _BY_DELAY = "all of which is a delay between the encoders"
 _BY_DISTURBANCES = "the input is low-passed to the joint's band, where all holds are alike"
@@ -111,7 +113,7 @@ def answer(job: Job) -> Answer:
         exact = _exact(job, fits, validation)
         if final := _final_exact(job, exact):
             return final
-    short = exact if exact and _explains_short_segments(exact.fits.reported, job) else None
+    short = exact if exact and _is_short(exact, job) else None
     nearly = exact if exact and nearly_explains(exact.fits.reported, job.thresholds) else None
     well_known = 0.5 * job.thresholds.noted_width  # two deviations are half an interval
     if nearly and _core_width(nearly) <= well_known:
@@ -158,7 +160,9 @@ def _exact_fits(job: Job, choice: Choice) -> FinalFits | None:
     """Return the exact fits to all data; None if they leave too much, or do not converge."""
     if not is_acceptable(choice.fitted, job.thresholds):
         return None
-    fallback = _explains(choice.fitted, job)
+    # A fit to a part of the log is no substitute for one to all data.
+    whole = choice.fitted.data.duration >= job.training.duration
+    fallback = whole and _explains(choice.fitted, job)
     try:
         return _fits_to_all(job, choice, fallback=fallback)
     except ConvergenceError:
@@ -195,15 +199,22 @@ def _final_exact(job: Job, exact: Answer) -> Answer | None:
     doubts = _delay_doubts(job, job.whole, entirely=True)
     if doubts:
         return replace(exact, doubts=doubts, prediction=_BY_DELAY)
-    return None if _explains_short_segments(reported, job) else exact
+    return None if _is_short(exact, job) else exact
+
+
+def _is_short(exact: Answer, job: Job) -> bool:
+    """Whether an exact fit fails over longer segments, which would show what it lacks."""
+    fits = exact.fits
+    return fits.choice.by_length.are_short and _explains_short_segments(fits.reported, job)
 
 
 def _explains_short_segments(fitted: Fitted, job: Job) -> bool:
     """Whether a fit explains a log only over segments too short to show what it lacks."""
-    explains = fitted.excess <= job.thresholds.sensor_excess and fitted.converged
-    if not explains or fitted.structure.joint.kind == "rigid" or fitted.duration >= TURNING:
+    is_noise = fitted.excess <= job.thresholds.sensor_excess and fitted.converged
+    if not is_noise or fitted.structure.joint.kind == "rigid" or fitted.duration >= TURNING:
         return False
-    return fitted.unexplained_over(TURNING) > job.thresholds.exact_share
+    chance = 1.0 + _BY_CHANCE * np.sqrt(2.0 / fitted.problem.degrees_of_freedom)
+    return fitted.excess > chance and fitted.unexplained_over(TURNING) > job.thresholds.exact_share
 
 
 def _core_width(found: Answer) -> float:

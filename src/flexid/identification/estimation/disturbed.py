@@ -140,6 +140,8 @@ def _from_few_terms(full: FitInBand, data: Data, factor: int) -> Iterator[FitInB
     structure, of_the_paper = full.fitted.structure, flexible_joint().coefficients
     names = dict.fromkeys(structure.unknowns(data.groups).names, 0.0)
     more = {name for name in names if name.partition("[")[0] not in of_the_paper}
+    if more >= names.keys():  # the inertia of a rigid joint is given
+        return
     few = structure.without(more | {*structure.timing.sought})
     for found in fits_in_band([(few, _start(few, data))], data, factor):
         delays = dict.fromkeys(structure.timing.sought, 0.0)

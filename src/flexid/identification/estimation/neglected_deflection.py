@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import INPUT
 from flexid.identification.vocabulary.evidence import Estimate
-from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import RIGID_UNITS
-from flexid.recording.recording import Caution, Rank, Recording
+from flexid.recording.recording import Recording
 from flexid.recording.velocities import with_velocities
 
 _BAND = 0.99  # share of the power in the band; above it are noise and steps of encoders
@@ -30,14 +29,9 @@ _PART = 1.0 / np.sqrt(3.0)  # root mean square of a uniform part between 0 and 1
 # inertia of 16 elastic drives with 2.3 or more was 3 to 80 % too large, and mostly 1 to 5 % wrong
 # with c.
 _BY_CHANCE = 2.0
+_LOBE = 2  # half-width of a Hann window's main lobe, in which a trend would leak
 _WINDOW = 1.5  # ratio of variances, since a Hann window correlates neighbouring frequencies
 _TINY = np.finfo(float).tiny
-
-_HIDDEN_SPRING = Caution(
-    "the inertia grows with the frequency of the motion, as if the joint bends: the intervals "
-    "allow for that; log link_position to identify the spring",
-    Rank.MODEL,
-)
 
 # Torques against the motion per unit of a coefficient, but for the offset, which has no spectrum.
 _REGRESSORS: Mapping[str, Callable[[FloatArray, FloatArray], FloatArray]] = {
@@ -51,23 +45,27 @@ _REGRESSORS: Mapping[str, Callable[[FloatArray, FloatArray], FloatArray]] = {
 _Spectrum = NDArray[np.complex128]
 
 
-def with_neglected_deflection(
-    estimate: Estimate, recordings: Sequence[Recording], *, exact: bool, thresholds: Thresholds
-) -> tuple[Estimate, tuple[Caution, ...]]:
-    """Return a rigid joint's estimate with the doubt about its inertia, and a warning of a spring.
+def with_bending(estimate: Estimate, recordings: Iterable[Recording]) -> Estimate:
+    """Return a rigid joint's estimate with the doubt about its inertia, from two encoders.
 
-    All coefficients are divided by the inertia, so they change alike. An exact fit with one encoder
-    has no such doubt: its positions show the inertia at the lowest frequencies.
+    All coefficients are divided by the inertia, so they change alike.
     """
-    if any(recording.link_position is not None for recording in recordings):
-        moved = _SPREAD * excess_of_link(recordings) * _base(estimate)
-        return estimate.widened(np.outer(moved, moved)), ()
-    if exact or "beta1" not in estimate.names:  # or the inertia is given
-        return estimate, ()
-    moved = _PART * by_hidden_spring(estimate, recordings)
+    moved = _SPREAD * excess_of_link(recordings) * _base(estimate)
+    return estimate.widened(np.outer(moved, moved))
+
+
+def with_hidden_spring(
+    estimate: Estimate, recordings: Sequence[Recording], known: Mapping[str, float]
+) -> tuple[Estimate, float]:
+    """Return the estimate with the doubt of a spring behind the only encoder.
+
+    Returns the standard deviation of the inertia by this doubt as well, over the inertia. `known`
+    are coefficients and delays that were not estimated.
+    """
+    moved = _PART * by_hidden_spring(estimate, recordings, known)
     gain = estimate.names.index("beta1")
-    noted = 2.0 * abs(moved[gain] / estimate.values[gain]) > thresholds.noted_width
-    return estimate.widened(np.outer(moved, moved)), (_HIDDEN_SPRING,) if noted else ()
+    share = abs(float(moved[gain] / estimate.values[gain]))
+    return estimate.widened(np.outer(moved, moved)), share
 
 
 def _base(estimate: Estimate) -> FloatArray:
@@ -97,15 +95,19 @@ def excess_of_link(recordings: Iterable[Recording]) -> float:
     return abs(more / motor) if motor else 0.0
 
 
-def by_hidden_spring(estimate: Estimate, recordings: Sequence[Recording]) -> FloatArray:
+def by_hidden_spring(
+    estimate: Estimate, recordings: Sequence[Recording], known: Mapping[str, float]
+) -> FloatArray:
     """Return the change of each value, shape (k,), if the inertia grows with the frequency.
 
     The torque's spectrum has the columns of the estimate, with and without c. In the instruments
     the input replaces the acceleration, whose noise would reduce the inertia. The change is zero if
     c is negative or explains no more than chance.
     """
-    names = ["beta1", *(name for name in _REGRESSORS if name in estimate.names)]
-    parts = [_in_band(recording, names, estimate) for recording in recordings]
+    acts = {name for name, value in {**known, **estimate.by_name}.items() if value != 0.0}
+    names = ["beta1", *(name for name in _REGRESSORS if name in acts)]
+    delay = {**known, **estimate.by_name}.get(INPUT, 0.0)
+    parts = [_in_band(recording, names, delay) for recording in recordings]
     torque, columns, instruments = (
         np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)
     )
@@ -120,7 +122,7 @@ def by_hidden_spring(estimate: Estimate, recordings: Sequence[Recording]) -> Flo
 
 
 def _in_band(
-    recording: Recording, names: Sequence[str], estimate: Estimate
+    recording: Recording, names: Sequence[str], delay: float
 ) -> tuple[_Spectrum, _Spectrum, _Spectrum]:
     """Return a recording's torque (n,), columns and instruments (1 + k, n) in the input's band."""
     moving = with_velocities(recording)
@@ -128,8 +130,8 @@ def _in_band(
     motion = moving.motor_position, moving.motor_velocity
     turns = 2.0 * np.pi * np.fft.rfftfreq(len(recording), recording.sample_time)
     torque = _spectrum(recording.needed_input)
-    band = slice(1, 1 + _end_of_band(torque))
-    torque *= np.exp(-1j * turns * estimate.by_name.get(INPUT, 0.0))
+    band = slice(_LOBE, 1 + _end_of_band(torque))
+    torque *= np.exp(-1j * turns * delay)
     rest = [_spectrum(_REGRESSORS[name](*motion)) for name in names[1:]]
     acceleration = -(turns**2) * _spectrum(motion[0])
     columns, instruments = (

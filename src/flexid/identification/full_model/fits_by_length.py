@@ -63,6 +63,11 @@ class FitsByLength:
     tied: tuple[Hold, ...] = ()  # other holds that the log cannot distinguish from this one
     exact: bool = False  # whether an exact fit is required
 
+    @property
+    def are_short(self) -> bool:
+        """Whether there are longer segments than those of the fits."""
+        return len(self.divisions[-1]) < len(self.found[-1].problem.segments)
+
     def longer(self, first: Fitted, thresholds: Thresholds) -> list[Fitted]:
         """Return fits over longer segments than those of `first`."""
         return _longer(first, self.divisions, thresholds, exact=self.exact)

@@ -45,7 +45,7 @@ from flexid.recording.recording import Hold, Recording
 MEASURED_HOLD: Hold = "cubic"
 """Hold of a measured position between samples, since a motion is smooth."""
 
-_PIECES, _SHARE = 2, 0.25  # of a log that is too long for a search
+_SHARE = 0.25  # part of a log that is too long for a search
 _HOLDS: tuple[Hold, ...] = ("zero", "cubic", "linear")
 
 
@@ -76,7 +76,7 @@ class Job:
     def training(self) -> Data:
         """Data before the held-out ends, used to choose the structure."""
         data = self._data(*self.recordings.searched)
-        return data.in_part(_PIECES, _SHARE) if self.in_part else data
+        return data.in_part(_SHARE) if self.in_part else data
 
     @cached_property
     def whole(self) -> Data:
@@ -279,8 +279,10 @@ def _further_searches(
     """Yield searches for further terms, each a function of the choice so far."""
     by_length, rest = choice.by_length, (job.progress, job.thresholds)
     full = by_length.found[-1]
-    before = turning(by_length.found, job.thresholds) or full
-    if before.unexplained_over(TURNING) <= job.thresholds.shape_motion:
+    before = turning(by_length.found, job.thresholds)
+    if before is None and by_length.are_short:  # longer ones have failed, for want of a term
+        before = full
+    if before is not None and before.unexplained_over(TURNING) <= job.thresholds.shape_motion:
         if full.structure.joint.remembered <= full.structure.absent:
             yield lambda _: fit_with_hysteresis(by_length, before, *rest)
         for shape in SOUGHT:
