@@ -12,6 +12,7 @@ from made_joint import COEFFICIENTS, SAMPLE_TIME, TRUTH, log, made, made_fit, re
 import flexid.identification.estimation.answers as answers
 import flexid.identification.identify as identify_module
 from flexid.errors import ConvergenceError
+from flexid.estimators.budget import BudgetError
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.inputs import answer_with_amplifier
 from flexid.identification.identify import identify
@@ -219,6 +220,29 @@ def test_a_search_beyond_its_budget_uses_a_part_or_allows_for_disturbances(
         found = result.parameters[name]
         assert found.verdict == "determined"
         assert found.interval[0] < TRUTH[name] < found.interval[1]
+
+
+@pytest.mark.parametrize("seconds", [9.0, 4.0])
+def test_a_long_log_is_searched_in_part(monkeypatch, seconds):
+    """Assert that long pieces of two logs with their own offsets lead to an exact fit."""
+    search, searched = answers.predicting, []
+
+    def in_part_alone(job: Any) -> Any:
+        searched.append(job.in_part)
+        if not job.in_part:
+            raise BudgetError(1.0)
+        return search(job)
+
+    monkeypatch.setattr(answers, "predicting", in_part_alone)
+    offsets = {"[1]": 0.5, "[2]": -0.5}
+    logs = [made(n, seconds, motor_offset=size) for n, size in enumerate(offsets.values(), 1)]
+    found = identify([log(own) for own in logs])
+    is_long = seconds > 5.0
+    assert (found.disturbances is None) == is_long
+    assert searched == [False, True][: 1 + is_long]
+    for name, size in offsets.items():
+        estimate = found.parameters[f"motor_offset_torque{name}"]
+        assert estimate.value == pytest.approx(size, rel=1e-3 if is_long else 0.1)
 
 
 @pytest.mark.parametrize(

@@ -77,6 +77,7 @@ OF_A_LENGTH = "segments of other lengths give other values"
 # 34 families took 5.6e6 at most for all. More are needed if the model does not explain the log, or
 # if the joint is so stiff that a sample needs many steps.
 _MOST_STEPS = 1e7
+_FEWEST_IN_PART = 300  # samples of a piece of the log: several periods of the resonance
 _BY_DELAY = "all of which is a delay between the encoders"
 _BY_DISTURBANCES = "the input is low-passed to the joint's band, where all holds are alike"
 
@@ -137,8 +138,11 @@ def _searched(job: Job) -> tuple[Choice, Validation]:
         with within(_MOST_STEPS):
             return predicting(job)
     except BudgetError:
+        part = replace(job, in_part=True)
+        if min(map(len, part.training.samples)) < _FEWEST_IN_PART:
+            raise
         with within(_MOST_STEPS):
-            found = predicting(replace(job, in_part=True))
+            found = predicting(part)
         if not explains(found[0].fitted, job.thresholds):
             raise
         return found

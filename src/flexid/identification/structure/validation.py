@@ -103,6 +103,8 @@ def validate(
     hardly moves in the held-out ends, where it would test nothing.
     """
     joint, problem = fitted.structure.joint, fitted.problem
+    if problem.unknowns.groups != data.groups:  # it was fitted to pieces of the recordings
+        problem = replace(problem, unknowns=replace(problem.unknowns, groups=data.groups))
     rest = (data.samples, starts, horizons, follow, warm_up)
     return validate_with(joint, problem, fitted.values, *rest)
 
