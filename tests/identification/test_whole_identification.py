@@ -15,6 +15,7 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.budget import BudgetError
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.inputs import answer_with_amplifier
+from flexid.identification.full_model.fits_by_length import FitsByLength
 from flexid.identification.identify import identify
 from flexid.identification.preparation.recordings import IDEAL
 from flexid.identification.preparation.settings import Settings
@@ -265,7 +266,9 @@ def test_a_fit_of_short_segments_gives_way_to_disturbances(
     reported.unexplained = unexplained
     reported.unexplained_over = lambda whole: unexplained * whole / duration
     reported.problem.degrees_of_freedom = 20_000
-    choice = SimpleNamespace(by_length=SimpleNamespace(are_short=longest > duration))
+    division = SimpleNamespace(mean_duration=longest)
+    by_length = FitsByLength((), cast(Any, (division,)), True, (), "")
+    choice = SimpleNamespace(by_length=by_length)
     fits = cast(Any, SimpleNamespace(reported=reported, choice=choice))
     exact, other = (answers.Answer(fits, cast(Any, None), cast(Any, None)) for _ in range(2))
     job = SimpleNamespace(exact=False, thresholds=THRESHOLDS, whole=None)

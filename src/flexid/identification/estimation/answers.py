@@ -209,7 +209,8 @@ def _final_exact(job: Job, exact: Answer) -> Answer | None:
 def _is_short(exact: Answer, job: Job) -> bool:
     """Whether an exact fit fails over longer segments, which would show what it lacks."""
     fits = exact.fits
-    return fits.choice.by_length.are_short and _explains_short_segments(fits.reported, job)
+    longer = fits.choice.by_length.has_longer(fits.reported)
+    return longer and _explains_short_segments(fits.reported, job)
 
 
 def _explains_short_segments(fitted: Fitted, job: Job) -> bool:

@@ -44,6 +44,7 @@ FOLLOWED = 2
 # joint that is stiff for its load 16, and both fits are right. EMPS without its pulses has 10⁹, and
 # its fit is wrong.
 _RIGID_EXCESS = 100.0
+_LONGER = 1.5  # ratio of durations: lengths double
 _HARDLY_MORE = 1.5  # times the excess that noise explains, which all data may still reach
 # Start values of the grip of hysteresis, over the value that suits the motion.
 _GRIPS = (4.0, 2.0, 1.0, 0.5, 0.25)
@@ -63,10 +64,9 @@ class FitsByLength:
     tied: tuple[Hold, ...] = ()  # other holds that the log cannot distinguish from this one
     exact: bool = False  # whether an exact fit is required
 
-    @property
-    def are_short(self) -> bool:
-        """Whether there are longer segments than those of the fits."""
-        return len(self.divisions[-1]) < len(self.found[-1].problem.segments)
+    def has_longer(self, fitted: Fitted) -> bool:
+        """Whether the log has longer segments than those of a fit."""
+        return self.divisions[-1].mean_duration > _LONGER * fitted.duration
 
     def longer(self, first: Fitted, thresholds: Thresholds) -> list[Fitted]:
         """Return fits over longer segments than those of `first`."""

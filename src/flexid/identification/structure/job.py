@@ -280,7 +280,7 @@ def _further_searches(
     by_length, rest = choice.by_length, (job.progress, job.thresholds)
     full = by_length.found[-1]
     before = turning(by_length.found, job.thresholds)
-    if before is None and by_length.are_short:  # longer ones have failed, for want of a term
+    if before is None and by_length.has_longer(full):  # which has failed, for want of a term
         before = full
     if before is not None and before.unexplained_over(TURNING) <= job.thresholds.shape_motion:
         if full.structure.joint.remembered <= full.structure.absent:
