@@ -220,9 +220,12 @@ def made_fit(
     minimum = SimpleNamespace(
         equations=SimpleNamespace(cost=cost), point=SimpleNamespace(initial_states=states)
     )
-    usual = {"duration": 1.0, "structure": WITHOUT, "by_name": {}, "data": None}
+    usual = {"duration": 1.0, "structure": WITHOUT, "by_name": {}, "data": None, "unexplained": 0.0}
     problem = SimpleNamespace(segments=segments, degrees_of_freedom=1000)
-    return SimpleNamespace(excess=excess, minimum=minimum, problem=problem, **{**usual, **more})
+    fields = {"minimum": minimum, "problem": problem, **usual, **more}
+    found: Any = SimpleNamespace(excess=excess, **fields)
+    found.unexplained_over = lambda length: Fitted.unexplained_over(found, length)
+    return found
 
 
 def over(segments: int, excess: float, structure: Structure = WITHOUT) -> Any:

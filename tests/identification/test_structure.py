@@ -2,7 +2,6 @@
 
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
-from functools import partial
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -471,7 +470,6 @@ def test_shapes_are_sought_where_the_model_follows_half_a_second(
     """Assert the limit, proportional to the duration; play is tried in any case."""
     monkeypatch.setattr(job, "SOUGHT", ())
     fitted = made_fit(9.0, duration=duration, unexplained=unexplained)
-    fitted.unexplained_over = partial(Fitted.unexplained_over, fitted)
     choice: Any = SimpleNamespace(by_length=SimpleNamespace(found=(fitted,)), found=())
     own: Any = SimpleNamespace(progress=lambda _: None, thresholds=THRESHOLDS)
     tried = [*job._further_searches(choice, own)]

@@ -15,7 +15,7 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.budget import BudgetError
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.inputs import answer_with_amplifier
-from flexid.identification.full_model.fits_by_length import FitsByLength
+from flexid.identification.full_model.fits_by_length import FitsByLength, nearly_explains
 from flexid.identification.identify import identify
 from flexid.identification.preparation.recordings import IDEAL
 from flexid.identification.preparation.settings import Settings
@@ -223,6 +223,13 @@ def test_a_search_beyond_its_budget_uses_a_part_or_allows_for_disturbances(
         assert found.interval[0] < TRUTH[name] < found.interval[1]
 
 
+@pytest.mark.parametrize(("duration", "nearly"), [(0.8, True), (0.5, True), (0.3, False)])
+def test_a_remainder_counts_over_half_a_second(duration: float, nearly: bool):
+    """Assert that what short segments leave is scaled up, and what long ones leave is not."""
+    fit = made_fit(30.0, duration=duration, unexplained=0.004)
+    assert nearly_explains(fit, THRESHOLDS) == nearly
+
+
 @pytest.mark.parametrize("seconds", [9.0, 4.0])
 def test_a_long_log_is_searched_in_part(monkeypatch, seconds):
     """Assert that long pieces of two logs with their own offsets lead to an exact fit."""
@@ -262,9 +269,8 @@ def test_a_fit_of_short_segments_gives_way_to_disturbances(
     monkeypatch, excess, duration, longest, unexplained, disturbed, is_exact
 ):
     """Assert which fit is reported, by what is left over half a second and the core's width."""
-    reported = made_fit(excess, duration=duration, at_bound={}, converged=True)
-    reported.unexplained = unexplained
-    reported.unexplained_over = lambda whole: unexplained * whole / duration
+    about = {"unexplained": unexplained, "at_bound": {}, "converged": True}
+    reported = made_fit(excess, duration=duration, **about)
     reported.problem.degrees_of_freedom = 20_000
     division = SimpleNamespace(mean_duration=longest)
     by_length = FitsByLength((), cast(Any, (division,)), True, (), "")

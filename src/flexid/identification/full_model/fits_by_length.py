@@ -90,7 +90,7 @@ def nearly_explains(fitted: Fitted, thresholds: Thresholds) -> bool:
     """Whether the residuals of an exact fit are too small for a harmful model error."""
     if fitted.structure.joint.kind == "rigid":  # there is no deflection to compare with
         return fitted.excess <= _RIGID_EXCESS
-    return fitted.unexplained <= thresholds.exact_share
+    return fitted.unexplained_over(TURNING) <= thresholds.exact_share
 
 
 def _longer(

@@ -124,10 +124,10 @@ class Thresholds:
     exact_share: float = _threshold(
         0.005,
         "1",
-        "residuals beyond noise over the deflection, up to which a fit without disturbances may "
-        "be reported: noise of the torque and jitter leave 0.001 or less, and the fit is right; a "
-        "second bending mode and a dead zone leave 0.009 and more, and its intervals miss the "
-        "truth by 6 standard deviations",
+        "residuals beyond noise over the deflection, over half a second (in proportion over "
+        "shorter segments), up to which a fit without disturbances may be reported: noise of the "
+        "torque and jitter leave 0.001 or less, and the fit is right; a second bending mode and a "
+        "dead zone leave 0.009 and more, and its intervals miss the truth by 6 standard deviations",
     )
     lost_share: float = _threshold(
         0.007,
