@@ -215,8 +215,7 @@ def _with_neglected_deflection(
     reported = found.fits.reported
     known = {**reported.structure.fixed, **reported.structure.timing.delays, **reported.at_bound}
     estimate, share = with_hidden_spring(found.estimate, recordings, known)
-    half_width = 2.0 * share
-    noted = half_width > job.thresholds.noted_width
+    noted = 2.0 * share > job.thresholds.noted_width  # two deviations are half an interval
     return replace(found, estimate=estimate), (_HIDDEN_SPRING,) if noted else ()
 
 

@@ -207,19 +207,14 @@ def _final_exact(job: Job, exact: Answer) -> Answer | None:
 
 
 def _is_short(exact: Answer, job: Job) -> bool:
-    """Whether an exact fit fails over longer segments, which would show what it lacks."""
-    fits = exact.fits
-    longer = fits.choice.by_length.has_longer(fits.reported)
-    return longer and _explains_short_segments(fits.reported, job)
-
-
-def _explains_short_segments(fitted: Fitted, job: Job) -> bool:
     """Whether a fit explains a log only over segments too short to show what it lacks."""
-    is_noise = fitted.excess <= job.thresholds.sensor_excess and fitted.converged
-    if not is_noise or fitted.structure.joint.kind == "rigid" or fitted.duration >= TURNING:
+    fitted, thresholds = exact.fits.reported, job.thresholds
+    has_longer = exact.fits.choice.by_length.has_longer(fitted) and fitted.duration < TURNING
+    is_noise = fitted.excess <= thresholds.sensor_excess and fitted.converged
+    if not (has_longer and is_noise) or fitted.structure.joint.kind == "rigid":
         return False
     chance = 1.0 + _BY_CHANCE * np.sqrt(2.0 / fitted.problem.degrees_of_freedom)
-    return fitted.excess > chance and fitted.unexplained_over(TURNING) > job.thresholds.exact_share
+    return fitted.excess > chance and not nearly_explains(fitted, thresholds)
 
 
 def _core_width(found: Answer) -> float:
