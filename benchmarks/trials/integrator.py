@@ -48,6 +48,7 @@ class Drive(NamedTuple):
     bristle_coulomb: float = 0.0  # N m
     bristle_static: float = 0.0  # N m
     stribeck_velocity: float = 1.0  # rad/s
+    stribeck_exponent: float = 2.0  # dry friction falls as exp(-|v/velocity|^exponent)
     motor_static: float = 0.0  # N m, excess of dry friction at rest over that in slip
     ripple_torque: float = 0.0  # N m
     ripple_number: float = 0.0  # per turn of the joint
@@ -159,7 +160,8 @@ def _friction(drive, mode, velocity, is_link):
         return -mode * drive.link_coulomb
     friction = -drive.motor_coulomb_up if mode > 0 else drive.motor_coulomb_down
     if drive.motor_static > 0.0:
-        friction -= mode * drive.motor_static * np.exp(-((velocity / drive.stribeck_velocity) ** 2))
+        share = (abs(velocity) / drive.stribeck_velocity) ** drive.stribeck_exponent
+        friction -= mode * drive.motor_static * np.exp(-share)
     return friction
 
 

@@ -196,9 +196,20 @@ def test_the_law_of_requested_friction_is_that_of_the_better_fit():
     terms = (*PAPER_TERMS, "motor_coulomb", "motor_stribeck")
     falls = {**STICKING, "motor_static": 1.0, "stribeck_velocity": 0.8}
     found = identify([log(made(4, 12.0, **falls))], Settings(terms=terms))
-    assert found.choices.shapes["stribeck_exponential"] == 0.0
+    assert found.choices.shapes["stribeck_exponent"] == 2.0
     assert found.parameters["motor_stribeck_friction"].value == pytest.approx(1.0, rel=2e-3)
     assert found.parameters["motor_stribeck_friction"].verdict == "determined"
+
+
+def test_friction_may_fall_slowly():
+    """Assert that the rare law is found from a fit with another one, with a positive velocity."""
+    falls = {**STICKING, "motor_static": 1.0, "stribeck_velocity": 0.2, "stribeck_exponent": 0.5}
+    found = identify([log(made(5, 12.0, **falls))])
+    assert found.choices.shapes["stribeck_exponent"] == 0.5
+    for name, value in (("motor_coulomb_friction", 1.0), ("stribeck_velocity", 0.2)):
+        low, high = found.parameters[name].interval
+        assert low < value < high
+        assert found.parameters[name].verdict == "determined"
 
 
 @pytest.mark.parametrize("tied", [True, False])
@@ -254,8 +265,8 @@ def test_which_structures_have_a_shape():
     assert instead.absent == beside.absent | HARDENING
     assert [own.absent for own in BEND.extensions(with_cubic, HARDENING)] == [beside.absent]
     assert len([*BEND.extensions(with_cubic.without(HARDENING))]) == 1
-    laws = [own.joint.constants["stribeck_exponential"] for own in STRIBECK.extensions(with_cubic)]
-    assert laws == [0.0, 1.0]
+    laws = [own.joint.constants["stribeck_exponent"] for own in STRIBECK.extensions(with_cubic)]
+    assert laws == [2.0, 1.0]
 
 
 PROMISES = {0.1: 0.3, 0.2: 0.9, 0.3: 0.5}

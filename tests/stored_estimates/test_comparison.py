@@ -212,8 +212,8 @@ PAIRS = {
         f"ripples of {first} and {second}": of_shapes(RIPPLE, "ripple_number", first, second)
         for first, second in ((23.4, 23.6), (23.4, 24.0))
     },
-    "two laws of friction": of_shapes(STRIBECK, "stribeck_exponential", 0.0, 1.0),
-    "one law of friction": of_shapes(STRIBECK, "stribeck_exponential", 1.0, 1.0),
+    "two laws of friction": of_shapes(STRIBECK, "stribeck_exponent", 2.0, 1.0),
+    "one law of friction": of_shapes(STRIBECK, "stribeck_exponent", 1.0, 1.0),
     "damping of a gap and of contact": of_shapes(
         ("joint_damping", "alpha_damping"), "contact_damping", 0.0, 1.0
     ),

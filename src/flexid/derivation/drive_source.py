@@ -11,7 +11,7 @@ from flexid.derivation.source import ScalarPrinter
 from flexid.derivation.symbolic import FreshNames, SymbolicSystem, symbolic_system
 from flexid.models.parametric_system import ParametricSystem
 
-MACROS = ("SIN", "COS", "TAN", "TANH", "EXP", "SQRT", "FABS", "POW")
+MACROS = ("SIN", "COS", "TAN", "TANH", "EXP", "LOG", "SQRT", "FABS", "POW")
 """Macros that the printed source may call, to be defined for the number type in use."""
 
 
@@ -140,7 +140,7 @@ class _Printer(ScalarPrinter):
         return self.call(name, *expr.args)
 
     _print_sin = _print_cos = _print_tan = _print_tanh = _print_Function
-    _print_exp = _print_Abs = _print_Function
+    _print_exp = _print_log = _print_Abs = _print_Function
 
     def _print_sign(self, e: sp.Function) -> str:
         return self.call("sign_of", e.args[0])

@@ -43,10 +43,10 @@ class ScalarPrinter(PythonCodePrinter):
 
 _printer = ScalarPrinter({"fully_qualified_modules": False})
 
-IMPORTS = "from math import copysign, cos, exp, sin, sqrt, tan, tanh"
+IMPORTS = "from math import copysign, cos, exp, log, sin, sqrt, tan, tanh"
 """Import line of the generated modules of scalars."""
 
-ARRAY_IMPORTS = "from numpy import copysign, cos, exp, sin, sqrt, tan, tanh"
+ARRAY_IMPORTS = "from numpy import copysign, cos, exp, log, sin, sqrt, tan, tanh"
 """Import line of the generated modules of arrays."""
 
 

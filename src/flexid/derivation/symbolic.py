@@ -20,7 +20,10 @@ _SYMPY = Algebra[sp.Expr](
     sp.Rational,  # exact, so that equal terms cancel
     lambda name: sp.pi if name == "pi" else symbol(name),
     OPERATIONS
-    | {name: getattr(sp, name) for name in ("sin", "cos", "tan", "tanh", "exp", "sqrt", "sign")}
+    | {
+        name: getattr(sp, name)
+        for name in ("sin", "cos", "tan", "tanh", "exp", "log", "sqrt", "sign")
+    }
     | {"abs": sp.Abs},
 )
 

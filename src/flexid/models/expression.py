@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 
 from flexid.errors import ExpressionError
 
-FUNCTIONS = ("sin", "cos", "tan", "tanh", "exp", "sqrt", "sign", "abs")
+FUNCTIONS = ("sin", "cos", "tan", "tanh", "exp", "log", "sqrt", "sign", "abs")
 """Names of the functions an expression may call, each with one argument."""
 
 CONSTANTS = ("pi",)
@@ -182,7 +182,7 @@ class _Folder:
 _NUMERIC_OPERATIONS: dict[str, Callable[..., Any]] = {
     **OPERATIONS,
     "**": math.pow,  # which has no complex values
-    **{name: getattr(math, name) for name in ("sin", "cos", "tan", "tanh", "exp", "sqrt")},
+    **{name: getattr(math, name) for name in ("sin", "cos", "tan", "tanh", "exp", "log", "sqrt")},
     "sign": lambda x: math.copysign(1.0, x) if x else 0.0,
     "abs": abs,
 }

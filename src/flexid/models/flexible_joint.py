@@ -144,7 +144,7 @@ SHAPE_TERMS = {name: Term.declared(content) for name, content in DECLARED["shape
 """Less usual terms, which can be switched on too; each is a family of shapes."""
 
 STRIBECK_VELOCITY = "stribeck_velocity"
-STRIBECK_EXPONENTIAL = "stribeck_exponential"  # 1 if friction falls so, 0 if by a Gaussian
+STRIBECK_EXPONENT = "stribeck_exponent"  # friction falls as exp(-|v/velocity|^exponent)
 BACKLASH_WIDTH = "backlash_width"
 SPRING_CENTRE = "spring_centre"
 CONTACT_DEFLECTION = "contact_deflection"
@@ -160,7 +160,7 @@ SHAPES = tuple(DECLARED["constants"])
 SOUGHT_CONSTANTS = frozenset(term.constant for term in SHAPE_TERMS.values() if term.constant)
 """Constants that are estimated together with the coefficients of their terms."""
 
-_USABLE = {SPRING_CENTRE, CONTACT_DEFLECTION, CONTACT_DAMPING, STRIBECK_EXPONENTIAL}
+_USABLE = {SPRING_CENTRE, CONTACT_DEFLECTION, CONTACT_DAMPING, STRIBECK_EXPONENT}
 WIDTHS = tuple(name for name in SHAPES if name not in _USABLE)
 """Constants without a usable default; the others are 0 unless they are given."""
 

@@ -21,7 +21,7 @@ from flexid.models.flexible_joint import (
     RIPPLE_NUMBER,
     RIPPLE_ORIGIN,
     SHAPE_TERMS,
-    STRIBECK_EXPONENTIAL,
+    STRIBECK_EXPONENT,
     WIDTHS,
 )
 from flexid.models.physical import ANGLES, difference
@@ -366,15 +366,15 @@ def _limits(a: Either, b: Either, logs: Sharing) -> Iterator[str]:
 
 _LARGEST_RATIO = 2.0  # of two constants; beyond it, coefficients that depend on them differ
 
-_OWN_RATIO = {RIPPLE_NUMBER: 1.02, RIPPLE_ORIGIN: 1.0 + 1e-9}
-"""Largest ratio for constants that need a tighter limit: otherwise the ripple is another one."""
+_OWN_RATIO = {RIPPLE_NUMBER: 1.02, RIPPLE_ORIGIN: 1.0 + 1e-9, STRIBECK_EXPONENT: 1.0 + 1e-9}
+"""Largest ratio for constants that need a tighter limit: otherwise it is another ripple or law."""
 
 
 def _unlike_constants(a: Identification, b: Identification) -> dict[tuple[str, str], str]:
     """Return why values of a coefficient are not comparable, by coefficient and constant."""
     regressors = [r for t in SHAPE_TERMS.values() for r in (*t.link.items(), *t.motor.items())]
     # The centre of a backlash is no such constant: the encoders' zeros may differ between logs.
-    chosen = (*WIDTHS, STRIBECK_EXPONENTIAL)
+    chosen = (*WIDTHS, STRIBECK_EXPONENT)
     constants = [(c, shape) for c, text in regressors for shape in chosen if shape in text]
     constants += [(coefficient, CONTACT_DAMPING) for coefficient in sorted(DAMPING)]
     found = {}

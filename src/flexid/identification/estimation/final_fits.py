@@ -41,7 +41,7 @@ from flexid.identification.preparation.recordings import Alignment, Delay, Split
 from flexid.identification.structure.choice import Choice
 from flexid.identification.structure.gap import CHANCE, settled, with_free_width
 from flexid.identification.structure.link_delay import confused_covariance
-from flexid.identification.structure.sought_terms import with_other_laws
+from flexid.identification.structure.sought_terms import reflected, with_other_laws
 from flexid.identification.vocabulary.evidence import Estimate, ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE, coefficients_of
@@ -194,7 +194,7 @@ def _reported(
 ) -> tuple[Fitted, list[Fitted], tuple[str, ...]]:
     """Fit the structure to all data; on failure, with `fallback`, return the choice's own fit."""
     structure = choice.structure
-    start = {**structure.timing.delays, **choice.fitted.by_name}
+    start = {**structure.timing.delays, **reflected(choice.fitted.by_name)}
     for begin in (lambda: start, lambda: _new_start(choice, whole)):
         try:
             fitted, lengths_fitted = fit_to(structure, whole, begin(), choice.duration)

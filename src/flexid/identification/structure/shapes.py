@@ -47,6 +47,7 @@ class SoughtShape:
     least: Callable[[Fitted], float] = lambda _: 0.0
     in_place_of: frozenset[str] = frozenset()  # coefficients of a similar usual term
     laws: tuple[Mapping[str, float], ...] = ({},)  # values of further constants that are tried
+    rare_laws: tuple[Mapping[str, float], ...] = ()  # values tried from a fit with another law
     is_possible: Callable[[Fitted], bool] = lambda _: True  # whether a fit has possible values
     # whether a fit with disturbances may have the term: there much looks like it in part
     is_plausible: Callable[[Fitted], bool] = lambda _: True
@@ -71,6 +72,13 @@ class SoughtShape:
         similar = self.in_place_of & structure.joint.optional
         if similar.isdisjoint(kept) and not similar <= structure.absent:
             yield wider.without(similar)
+
+    def with_other_laws(self, structure: Structure, *, rare: bool) -> Iterator[Structure]:
+        """Yield the structure with each other law of the term, with or without rare ones."""
+        for law in (*self.laws, *(self.rare_laws if rare else ())):
+            joint = structure.joint.with_widths(law)
+            if joint.constants != structure.joint.constants:
+                yield replace(structure, joint=joint)
 
     def visible_candidates(self, fitted: Fitted) -> list[float]:
         """Return the candidates of the constant that would be visible next to a fit without it."""
@@ -117,7 +125,19 @@ def fit_with_shape(
     best = min(firsts, key=lambda first: first.excess, default=None)
     if best is None or leaves_more(best, chosen, thresholds):
         return None
-    return by_length.with_term([best, *by_length.longer(best, thresholds)], thresholds)
+    found = [best, *by_length.longer(best, thresholds)]
+    likelier = _with_likelier_law(shape, found[-1], thresholds)
+    if likelier is not found[-1]:
+        found = [likelier, *by_length.longer(likelier, thresholds)]
+    return by_length.with_term(found, thresholds)
+
+
+def _with_likelier_law(shape: SoughtShape, fitted: Fitted, thresholds: Thresholds) -> Fitted:
+    """Return the fit with the likeliest law of the term; the given one if it leaves only noise."""
+    if fitted.excess <= thresholds.sensor_excess:
+        return fitted
+    others = (fit_like(law, fitted) for law in shape.with_other_laws(fitted.structure, rare=True))
+    return min([fitted, *filter(None, others)], key=lambda own: own.excess)
 
 
 def _explaining(

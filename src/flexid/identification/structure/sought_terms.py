@@ -7,7 +7,6 @@ motor moves. A bent spring has another stiffness beyond some deflection, as in g
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from flexid.models.flexible_joint import (
     SOUGHT_CONSTANTS,
     SPRING,
     SPRING_CENTRE,
-    STRIBECK_EXPONENTIAL,
+    STRIBECK_EXPONENT,
     STRIBECK_VELOCITY,
 )
 
@@ -151,7 +150,8 @@ STRIBECK = SoughtShape(
     velocities,
     _apart_in_velocity,
     _lost_in_a_sample,
-    laws=({STRIBECK_EXPONENTIAL: 0.0}, {STRIBECK_EXPONENTIAL: 1.0}),
+    laws=({STRIBECK_EXPONENT: 2.0}, {STRIBECK_EXPONENT: 1.0}),
+    rare_laws=({STRIBECK_EXPONENT: 0.5},),
     is_possible=lambda fitted: fitted.by_name.get("alpha_stribeck", np.inf) > 0.0,
 )
 """Stribeck friction of the motor, and its velocity."""
@@ -222,13 +222,10 @@ SOUGHT_COEFFICIENTS = frozenset(c for shape in SOUGHT for c in shape.coefficient
 
 
 def with_other_laws(structure: Structure) -> Iterator[Structure]:
-    """Yield the structure with each other law of its terms that have several."""
+    """Yield the structure with each other usual law of its terms that have several."""
     for shape in SOUGHT:
         if not shape.coefficients - {shape.constant} <= structure.absent:
-            for law in shape.laws:
-                joint = structure.joint.with_widths(law)
-                if joint.constants != structure.joint.constants:
-                    yield replace(structure, joint=joint)
+            yield from shape.with_other_laws(structure, rare=False)
     yield from with_other_damping(structure)
 
 
