@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from made_joint import data, made
 
-import flexid.identification.estimation.answers as answers
+import flexid.identification.estimation.spring_doubts as spring_doubts
 from flexid.identification.judgement import of_joint, of_link_alone, widest
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.recordings import Delay, SplitRecordings
@@ -152,11 +152,11 @@ def test_a_period_is_predicted_from_the_one_before(monkeypatch):
         asked.append((*horizons, warm_up))
         return SimpleNamespace(horizons={horizons[0]: {"deflection": 56.0}})
 
-    monkeypatch.setattr(answers, "validate", predicting)
+    monkeypatch.setattr(spring_doubts, "validate", predicting)
     whole = data(made(5, 4.0))
     fitted: Any = SimpleNamespace(by_name={"theta2": 900.0, "alpha1": 1600.0})
     job: Any = SimpleNamespace(whole=whole, recordings=SimpleNamespace(starts=(0,)))
-    period, share = answers._over_a_period(fitted, job)
+    period, share = spring_doubts._over_a_period(fitted, job)
     assert period == pytest.approx(2.0 * np.pi / 50.0)
     assert asked == [(period, period)]
     assert share == 56.0

@@ -282,7 +282,7 @@ def test_a_fit_of_short_segments_gives_way_to_disturbances(
         ("_searched", (None, None)),
         ("_exact_fits", fits),
         ("_exact", exact),
-        ("_delay_doubts", ()),
+        ("delay_doubts", ()),
         ("_disturbed_or_none", other),
     ):
         monkeypatch.setattr(answers, name, lambda *_, result=result, **__: result)

@@ -29,7 +29,7 @@ from flexid.arms.units import ArmUnits
 from flexid.errors import ConvergenceError, RecordingError
 from flexid.estimators.channel_timing import DELAY, INPUT, Timing
 from flexid.estimators.excitation import excitation_of_gram
-from flexid.identification.estimation.answers import PREDICTED, UNEXPLAINED, weak_spring
+from flexid.identification.estimation.spring_doubts import PREDICTED, UNEXPLAINED, weak_spring
 from flexid.identification.full_model.model import Structure
 from flexid.identification.judgement import judged_function, judged_value
 from flexid.identification.preparation.joint import ElasticArm

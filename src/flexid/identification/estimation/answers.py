@@ -16,7 +16,6 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.budget import BudgetError, within
-from flexid.estimators.prediction_error import NEARLY_NOISE
 from flexid.identification.estimation.doubts import (
     DOUBTS,
     OF_A_VOLTAGE,
@@ -36,6 +35,7 @@ from flexid.identification.estimation.final_fits import (
     with_doubts,
 )
 from flexid.identification.estimation.model_error import behind_a_dead_zone, by_other_laws, lagged
+from flexid.identification.estimation.spring_doubts import delay_doubts, doubts_of_spring
 from flexid.identification.full_model.fits_by_length import (
     TURNING,
     FitsByLength,
@@ -49,24 +49,20 @@ from flexid.identification.full_model.starting import suited_rate
 from flexid.identification.structure.choice import Choice, core_deviations, hardly_known
 from flexid.identification.structure.elimination import latest, one_by_one
 from flexid.identification.structure.job import MEASURED_HOLD, Job, predicting
-from flexid.identification.structure.link_delay import skew
 from flexid.identification.structure.validation import validate
 from flexid.identification.vocabulary.evidence import (
     Disturbances,
     Estimate,
     ModelError,
     Validation,
-    balance_of,
 )
 from flexid.identification.vocabulary.thresholds import Thresholds
-from flexid.models.flexible_joint import DISSIPATIVE, POSITIVE, resonance
-from flexid.recording.recording import Caution, Rank
+from flexid.models.flexible_joint import DISSIPATIVE, POSITIVE
+from flexid.recording.recording import Caution
 
 if TYPE_CHECKING:
     from flexid.identification.estimation.disturbed import Disturbed
 
-PREDICTED = 25.0  # least per cent of the deflection that a spring predicts; noise alone gives 0
-UNEXPLAINED = 0.1  # share of a balance's acceleration; with less unexplained, the spring is real
 # Share of a balance's acceleration that disturbances leave, up to which an exact fit may be
 # reported. In 15 logs with one, they left up to 0.004.
 _LEFT_BY_EXACT = 0.01
@@ -200,7 +196,7 @@ def _final_exact(job: Job, exact: Answer) -> Answer | None:
         return exact
     if reported.excess > job.thresholds.sensor_excess or not reported.converged:
         return None
-    doubts = _delay_doubts(job, job.whole, entirely=True)
+    doubts = delay_doubts(job, job.whole, entirely=True)
     if doubts:
         return replace(exact, doubts=doubts, prediction=_BY_DELAY)
     return None if _is_short(exact, job) else exact
@@ -323,63 +319,9 @@ def _judged(found: Answer, fitted: Fitted, job: Job) -> Answer:
     """Add doubts about the stiffness to an answer that does not explain the log."""
     if job.joint.kind == "rigid":
         return found
-    period, predicted = _over_a_period(fitted, job)
-    share = f"{max(predicted, 0.0):.0f} %"
-    if np.isnan(predicted):
-        share = "an unknown part (no recording is long enough)"
-    prediction = (
-        f"of which the spring predicts {share} over {period:.2g} s, a period of the resonance"
-    )
-    found = replace(found, prediction=prediction)
-    skewed = _delay_doubts(job, found.fits.reported.data, entirely=False)
-    if skewed or predicted >= PREDICTED:
-        return replace(found, doubts=skewed)
     shares = {} if found.disturbances is None else found.disturbances.shares
-    doubted = {c for c in POSITIVE if shares.get(balance_of(c), 1.0) > UNEXPLAINED}
-    if not doubted:
-        return found
-    what = "joint" if doubted == POSITIVE else balance_of(min(doubted))
-    doubt = weak_spring(f"this {what}", f"{period:.2g} s, a period", share)
-    return replace(found, doubts=(doubt,), doubted=frozenset(doubted))
-
-
-def weak_spring(what: str, period: str, share: str) -> Caution:
-    """Return the warning about a spring that predicts too little of the deflection."""
-    return Caution(
-        f"effects outside the model move {what}: over {period} of the resonance, its spring "
-        f"predicts {share} of the deflection; look for other axes, loads and backlash",
-        Rank.MODEL,
-    )
-
-
-def _over_a_period(fitted: Fitted, job: Job) -> tuple[float, float]:
-    """Return the resonance's period in s, and the per cent of the deflection predicted over it.
-
-    A prediction begins from the state that fits one period before. A state that fits more periods
-    would be shifted by disturbances.
-    """
-    whole, starts = job.whole, job.recordings.starts
-    period = float(whole.periods(np.array(resonance(fitted.by_name))))
-    found = validate(fitted, whole, starts, horizons=(period,), warm_up=period).horizons
-    return period, found[period].get("deflection", np.nan) if found else np.nan
-
-
-def _delay_doubts(job: Job, data: Data, *, entirely: bool) -> tuple[Caution, ...]:
-    """Return the warning that a delay causes the deflection, or, `entirely`, all but noise."""
-    # A delay of a deflection's sensor only shifts the deflection.
-    if job.joint.kind == "rigid" or job.settings.link_delay != "auto" or job.deflection:
-        return ()
-    found = skew(job.joint, data)
-    if not found.makes_the_deflection or (entirely and found.excess > NEARLY_NOISE):
-        return ()
-    return (
-        Caution(
-            f"{100.0 * found.explained:.0f} % of the deflection is a delay of "
-            f"{1e3 * abs(found.delay):.2g} ms between the encoders, and no spring: align their "
-            f"clocks, then excite the joint harder",
-            Rank.SCALE,
-        ),
-    )
+    own = doubts_of_spring(fitted, found.fits.reported.data, shares, job)
+    return replace(found, prediction=own.prediction, doubts=own.doubts, doubted=own.doubted)
 
 
 def _without_observer(fitted: Fitted, data: Data) -> Fitted:
