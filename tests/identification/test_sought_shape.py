@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_joint import fitted, log, made, over, turned
+from made_joint import WITHOUT, fitted, log, made, made_fit, over, turned
 
 import flexid.identification.structure.shapes as shapes
 import flexid.identification.structure.sought_terms as sought_terms
@@ -295,8 +295,13 @@ def test_which_constants_are_followed(monkeypatch, promises, holding, begun, cho
         "a shape", BEND.coefficients, BEND.constant, lambda *_: [*promises], lambda *_: 0.0
     )
 
-    def explained_by(before, structure, *_):
+    def fit_from(_, structure, **__):
+        held = structure.fixed.get(shape.constant)
+        return None if held is None else made_fit(by_name={"held": held})
+
+    def explained_by(before, structure, start, *_):
         tried.append(shape.of(structure))
+        assert start == {"held": tried[-1]}  # the fit begins from one with the constant fixed
         return before if tried[-1] == holding else None
 
     before = over(SAME, 9.0)
@@ -307,11 +312,74 @@ def test_which_constants_are_followed(monkeypatch, promises, holding, begun, cho
     monkeypatch.setattr(shapes, "explained_by", explained_by)
     monkeypatch.setattr(FitsByLength, "longer", lambda *_: [])
     monkeypatch.setattr(FitsByLength, "with_term", lambda *_: by_length)
-    monkeypatch.setattr(shapes, "fit_from", lambda *_: None)
+    monkeypatch.setattr(shapes, "fit_from", fit_from)
     rivals = [over(*chosen)] if chosen else []
     found = fit_with_shape(shape, by_length, before, rivals, lambda _: None, THRESHOLDS)
     assert tried == begun
     assert (found is not None) == follows
+
+
+@pytest.mark.parametrize(
+    ("excess", "slow", "tried", "ended"),
+    [
+        # Each law is fitted from the best one before it, and longer segments from the best of all.
+        (1.5, 1.2, [(1.0, 1.5), (0.5, 1.3)], [0.5, 0.5]),
+        (1.5, 1.4, [(1.0, 1.5), (0.5, 1.3)], [1.0, 1.0]),
+        # A law that leaves only noise stays.
+        (1.09, 1.0, [], [2.0, 2.0]),
+    ],
+)
+def test_the_likeliest_law_stays(monkeypatch, excess, slow, tried, ended):
+    """Assert the order in which laws of Stribeck friction are compared, and which one stays."""
+    every, starts = {1.0: 1.3, 0.5: slow}, []
+
+    def law(structure):
+        return structure.joint.constants["stribeck_exponent"]
+
+    def fit_like(structure, fitted):
+        starts.append((law(structure), fitted.excess))
+        return over(SAME, every[law(structure)], structure)
+
+    first = over(SAME, excess, next(STRIBECK.extensions(WITHOUT)))
+    monkeypatch.setattr(shapes, "fit_like", fit_like)
+    monkeypatch.setattr(shapes, "_explaining", lambda *_: [first])
+    monkeypatch.setattr(
+        FitsByLength, "longer", lambda _, fit, __: [over(1, fit.excess, fit.structure)]
+    )
+    monkeypatch.setattr(FitsByLength, "with_term", lambda _, found, __: found)
+    by_length = FitsByLength((first,), cast(Any, (range(SAME),)), True, ("cubic",), "")
+    found: Any = fit_with_shape(STRIBECK, by_length, first, [], lambda _: None, THRESHOLDS)
+    assert starts == tried
+    assert [law(fit.structure) for fit in found] == ended
+
+
+@pytest.mark.parametrize(
+    ("promise", "costs", "chosen"),
+    [(ENOUGH, (8.0, 7.0), 1), (ENOUGH, (7.0, 8.0), 0), (TOO_LITTLE, (8.0,), 0)],
+)
+def test_a_requested_constant_begins_fixed(monkeypatch, promise, costs, chosen):
+    """Assert that it is free from that fit on if the log shows it, and that the better fit stays.
+
+    A fit from values without the term would not determine it.
+    """
+    shape = replace(RIPPLE, candidates=lambda *_: [NUMBER], resolution=lambda *_: 0.0)
+    before = over(SAME, 9.0)
+    before.by_name = {"begun": -1.0}
+    fits = [made_fit(cost=cost, by_name={"begun": i}) for i, cost in enumerate(costs)]
+    starts = []
+
+    def fit_by_length(structure, _, start, *__):
+        starts.append((start["begun"], structure.fixed.get(shape.constant)))
+        return [fits[len(starts) - 1]]
+
+    monkeypatch.setattr(shapes, "_promised", lambda *_: promise)
+    monkeypatch.setattr(shapes, "fit_by_length", fit_by_length)
+    monkeypatch.setattr(FitsByLength, "longer", lambda *_: [])
+    monkeypatch.setattr(FitsByLength, "with_term", lambda _, found, __: found)
+    by_length = FitsByLength((before,), cast(Any, (range(SAME),)), True, ("cubic",), "")
+    found: Any = shapes.fit_requested_shape(shape, by_length, lambda _: None, THRESHOLDS)
+    assert starts == [(-1.0, NUMBER), (0, None)][: len(costs)]
+    assert found == [fits[chosen]]
 
 
 @pytest.mark.parametrize(("excess", "more"), [(1.11, True), (1.09, False)])

@@ -22,7 +22,7 @@ from flexid.identification.full_model.fits_by_length import (
     sampled,
     turning,
 )
-from flexid.identification.full_model.fitting import fit_by_length, fit_from, fit_like
+from flexid.identification.full_model.fitting import EXPLORING, fit_by_length, fit_from, fit_like
 from flexid.identification.full_model.model import ROUGH, Data, Fitted, Structure
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.vocabulary import Progress
@@ -59,6 +59,10 @@ class SoughtShape:
     def put(self, structure: Structure, value: float) -> Structure:
         """Return the structure with another constant."""
         return replace(structure, joint=structure.joint.with_widths({self.constant: value}))
+
+    def held_in(self, structure: Structure) -> Structure:
+        """Return the structure with the constant fixed: without the term nothing determines it."""
+        return replace(structure, fixed={**structure.fixed, self.constant: self.of(structure)})
 
     def extensions(self, structure: Structure, kept: Collection[str] = ()) -> Iterator[Structure]:
         """Yield the structure with each law of the term, and with the term for a similar one.
@@ -136,8 +140,12 @@ def _with_likelier_law(shape: SoughtShape, fitted: Fitted, thresholds: Threshold
     """Return the fit with the likeliest law of the term; the given one if it leaves only noise."""
     if fitted.excess <= thresholds.sensor_excess:
         return fitted
-    others = (fit_like(law, fitted) for law in shape.with_other_laws(fitted.structure, rare=True))
-    return min([fitted, *filter(None, others)], key=lambda own: own.excess)
+    best = fitted
+    for law in shape.with_other_laws(fitted.structure, rare=True):
+        other = fit_like(law, best)
+        if other is not None and other.excess < best.excess:
+            best = other
+    return best
 
 
 def _explaining(
@@ -158,7 +166,8 @@ def _explaining(
             if promise < thresholds.shape_promise:
                 continue
             rest = floor, thresholds, shape.is_seen_in
-            first = explained_by(before, structure, start.by_name, *rest)
+            held = fit_from(start, shape.held_in(structure), steps=EXPLORING) or start
+            first = explained_by(before, structure, held.by_name, *rest)
             if first is not None:
                 yield first
                 break
@@ -169,8 +178,8 @@ def fit_requested_shape(
 ) -> FitsByLength:
     """Fit a joint with one more term that the settings require.
 
-    If the log hardly shows the term, its constant is held fixed. Outside the range of the motion it
-    would leave the coefficients undetermined.
+    The first fit has the constant fixed. If the log hardly shows the term, it stays fixed: outside
+    the range of the motion it would leave the coefficients undetermined.
     """
     progress(shape.words)
     before = turning(by_length.found, thresholds) or by_length.found[-1]
@@ -182,17 +191,17 @@ def fit_requested_shape(
                 "prediction error", f"nothing moves that would show {shape.words}: drop the term"
             )
         promise, structure = max(promising, key=itemgetter(0))
-        if promise < thresholds.shape_promise:
-            held = {shape.constant: shape.of(structure)}
-            structure = replace(structure, fixed={**structure.fixed, **held})
+        own = before.data, [before.problem.segments]
         with suppress(ConvergenceError):
-            own = before.data, before.by_name, [before.problem.segments]
-            firsts += fit_by_length(structure, *own)
+            held = fit_by_length(shape.held_in(structure), own[0], before.by_name, own[1])
+            firsts += held
+            if promise >= thresholds.shape_promise:
+                firsts += fit_by_length(structure, own[0], held[0].by_name, own[1])
     if not firsts:
         raise ConvergenceError(
             "prediction error", f"the fit with {shape.words} fails: drop the term"
         )
-    first = min(firsts, key=lambda first: first.excess)
+    first = min(firsts, key=lambda first: first.minimum.equations.cost)
     return by_length.with_term([first, *by_length.longer(first, thresholds)], thresholds)
 
 
