@@ -111,7 +111,9 @@ def answer(job: Job) -> Answer:
         if final := _final_exact(job, exact):
             return final
     short = exact if exact and _is_short(exact, job) else None
-    nearly = exact if exact and nearly_explains(exact.fits.reported, job.thresholds) else None
+    nearly = None if short else exact
+    if nearly and not nearly_explains(nearly.fits.reported, job.thresholds):
+        nearly = None
     well_known = 0.5 * job.thresholds.noted_width  # two deviations are half an interval
     if nearly and _core_width(nearly) <= well_known:
         return _judged(nearly, nearly.fits.choice.fitted, job)
@@ -209,6 +211,8 @@ def _is_short(exact: Answer, job: Job) -> bool:
     is_noise = fitted.excess <= thresholds.sensor_excess and fitted.converged
     if not (has_longer and is_noise) or fitted.structure.joint.kind == "rigid":
         return False
+    if not is_acceptable(exact.fits.lengths_fitted[-1], thresholds):
+        return True
     chance = 1.0 + _BY_CHANCE * np.sqrt(2.0 / fitted.problem.degrees_of_freedom)
     return fitted.excess > chance and not nearly_explains(fitted, thresholds)
 
