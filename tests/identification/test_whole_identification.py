@@ -254,19 +254,23 @@ def test_a_long_log_is_searched_in_part(monkeypatch, seconds):
 
 
 @pytest.mark.parametrize(
-    ("excess", "duration", "longest", "unexplained", "disturbed", "is_exact"),
+    ("excess", "duration", "longest", "unexplained", "later", "disturbed", "is_exact"),
     [
-        (1.05, 0.6, 5.0, 0.02, 0.01, True),  # long segments
-        (1.05, 0.1, 0.1, 0.02, 0.01, True),  # there are no longer ones
-        (1.05, 0.1, 5.0, 0.0009, 0.01, True),  # the remainder stays small
-        (1.01, 0.1, 5.0, 0.006, 0.01, True),  # it is chance
-        (1.05, 0.1, 5.0, 0.006, 0.09, False),
-        (1.05, 0.1, 5.0, 0.006, 0.11, True),  # disturbances hide the core
-        (1.2, 0.1, 5.0, 0.02, 0.11, False),  # more than noise
+        (1.05, 0.6, 5.0, 0.02, 1.0, 0.01, True),  # long segments
+        (1.05, 0.1, 0.1, 0.02, 1.0, 0.01, True),  # there are no longer ones
+        (1.05, 0.1, 5.0, 0.0009, 1.0, 0.01, True),  # the remainder stays small
+        (1.01, 0.1, 5.0, 0.006, 1.0, 0.01, True),  # it is chance
+        (1.05, 0.1, 5.0, 0.006, 1.0, 0.09, False),
+        (1.05, 0.1, 5.0, 0.006, 1.0, 0.11, True),  # disturbances hide the core
+        (1.2, 0.1, 5.0, 0.02, 1.0, 0.11, False),  # more than noise
+        # Longer segments contradict it.
+        (0.9, 0.1, 5.0, 0.0, 6.0, 0.09, False),
+        (0.9, 0.1, 5.0, 0.0, 6.0, 0.11, True),
+        (0.9, 0.6, 5.0, 0.0, 6.0, 0.09, True),
     ],
 )
 def test_a_fit_of_short_segments_gives_way_to_disturbances(
-    monkeypatch, excess, duration, longest, unexplained, disturbed, is_exact
+    monkeypatch, excess, duration, longest, unexplained, later, disturbed, is_exact
 ):
     """Assert which fit is reported, by what is left over half a second and the core's width."""
     about = {"unexplained": unexplained, "at_bound": {}, "converged": True}
@@ -275,7 +279,9 @@ def test_a_fit_of_short_segments_gives_way_to_disturbances(
     division = SimpleNamespace(mean_duration=longest)
     by_length = FitsByLength((), cast(Any, (division,)), True, (), "")
     choice = SimpleNamespace(by_length=by_length)
-    fits = cast(Any, SimpleNamespace(reported=reported, choice=choice))
+    longer = made_fit(later, duration=4.0 * duration, **{**about, "unexplained": 0.1})
+    both = {"reported": reported, "lengths_fitted": [reported, longer]}
+    fits = cast(Any, SimpleNamespace(choice=choice, **both))
     exact, other = (answers.Answer(fits, cast(Any, None), cast(Any, None)) for _ in range(2))
     job = SimpleNamespace(exact=False, thresholds=THRESHOLDS, whole=None)
     for name, result in (

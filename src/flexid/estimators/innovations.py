@@ -29,6 +29,12 @@ _FINE = 0.03  # length of a step, in standard deviations, that ends a fit
 _FIRST_SHARE = 0.05  # first guess of a disturbance, over its row's acceleration
 _RANGES = (1e-2, 1e2)  # bounds of a sensor's noise, over its first guess
 _SHARES = (1e-4, 2.0)  # bounds of a disturbance, over its row's acceleration
+# Bounds of a correlation: errors of a spring's torque have opposite signs on its two sides.
+_CORRELATIONS = (-0.999, 0.0)
+_FIRST_CORRELATION = -0.5  # first guess
+# Least fall of the cost by correlations. It was 5 or less for a bending arm, and 100 to 1700 for
+# drives whose gears have errors of angle.
+_CORRELATED = 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,20 +121,29 @@ def _first_sizes(problem: SegmentedMotion, slowest: float) -> Sizes:
         smooth = uniform_filter1d(rates, width, axis=0, mode="constant")
         squares += np.sum(np.gradient(smooth, sample_time, axis=0) ** 2, axis=0)
     accelerations = np.sqrt(squares / len(segments.outputs))
+    rows = len(accelerations)
     return Sizes(
         1.0 / problem.weights,
         _FIRST_SHARE * np.maximum(accelerations, np.finfo(float).tiny),
-        np.full(len(accelerations), slowest),
+        np.full(rows, slowest),
+        np.zeros(rows // 2),
     )
 
 
 def _bounds(first: Sizes, sample_time: float, slowest: float) -> tuple[FloatArray, FloatArray]:
-    """Smallest and largest logarithm of each size."""
+    """Smallest and largest number of each size."""
     motion = first.disturbances / _FIRST_SHARE
     rates = slowest, max(slowest, 1.0 / sample_time)
     least, largest = (
-        Sizes(first.sensors * noise, motion * share, np.full(len(motion), rate)).logarithms
-        for noise, share, rate in zip(_RANGES, _SHARES, rates, strict=True)
+        Sizes(
+            first.sensors * noise,
+            motion * share,
+            np.full(len(motion), rate),
+            np.full(len(first.correlations), correlation),
+        ).numbers
+        for noise, share, rate, correlation in zip(
+            _RANGES, _SHARES, rates, _CORRELATIONS, strict=True
+        )
     )
     return least, largest
 
@@ -199,7 +214,23 @@ class _Likelihood:
         return _Observed(equations.cost + entropy, motion, equations.residuals, entropy)
 
     def maximise(self, sizes: Sizes, bounds: tuple[FloatArray, FloatArray]) -> Sizes:
-        """Maximise the likelihood over sizes, from given ones, with few runs of the motion."""
+        """Maximise the likelihood over sizes, from given ones, with few runs of the motion.
+
+        Disturbances without correlation stay so unless a correlation is clearly likelier.
+        """
+        if sizes.correlations.any():
+            return self._search(sizes, bounds)[0]
+        pairs, least = len(sizes.correlations), bounds[0].copy()
+        least[len(least) - pairs :] = 0.0
+        apart, cost = self._search(sizes, (least, bounds[1]))
+        if not pairs:
+            return apart
+        begun = replace(sizes, correlations=np.full(pairs, _FIRST_CORRELATION))
+        correlated, other = self._search(begun, bounds)
+        return correlated if other < cost - _CORRELATED else apart
+
+    def _search(self, sizes: Sizes, bounds: tuple[FloatArray, FloatArray]) -> tuple[Sizes, float]:
+        """Return the likeliest sizes and their cost, from given ones."""
         from scipy.optimize import minimize  # imported here: it takes a third of a second
 
         n = len(sizes.sensors)
@@ -209,17 +240,17 @@ class _Likelihood:
                 break
             cost = cost_by_spectra(best.motion, sizes, best.residuals, self.transitions)
             found = minimize(
-                lambda x, cost=cost: cost(Sizes.of_logarithms(x, n)),
-                np.clip(sizes.logarithms, *bounds),
+                lambda x, cost=cost: cost(Sizes.of(x, n)),
+                np.clip(sizes.numbers, *bounds),
                 method="L-BFGS-B",
                 bounds=np.column_stack(bounds),
                 options={"maxiter": _ITERATIONS, "ftol": _LEAST_FALL / max(abs(best.cost), 1.0)},
             )
-            other = Sizes.of_logarithms(found.x, n)
+            other = Sizes.of(found.x, n)
             seen = self.with_sizes(other)
             gain = best.cost - seen.cost
             if gain > 0.0:
                 sizes, best = other, seen
             if gain < _LEAST_GAIN:
                 break
-        return sizes
+        return sizes, best.cost

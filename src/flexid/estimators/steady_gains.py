@@ -16,22 +16,37 @@ _STEADY = 1e-10  # relative change of a covariance by the last doubling
 
 @dataclass(frozen=True, eq=False)
 class Sizes:
-    """Sizes of sensor noise and of the rows' disturbances."""
+    """Sizes of sensor noise and of the rows' disturbances.
 
-    sensors: FloatArray  # (n_outputs,): standard deviation of each output's noise, in rad
+    An error of a spring's torque acts on link and motor in opposite directions, so the disturbances
+    of such a pair of rows are correlated.
+    """
+
+    sensors: FloatArray  # (n_rows,): standard deviation of each output's noise, in rad
     disturbances: FloatArray  # (n_rows,): root mean square of each row's disturbance, in rad/s²
     rates: FloatArray  # (n_rows,): decay rate of each disturbance, in 1/s
+    correlations: FloatArray  # (n_rows // 2,): between the disturbances of link and motor
 
     @classmethod
-    def of_logarithms(cls, logarithms: FloatArray, n_outputs: int) -> "Sizes":
-        """Return the sizes with some natural logarithms, shape (n_outputs + 2 n_rows,)."""
-        sensors, rest = np.split(np.exp(logarithms), [n_outputs])
-        return cls(sensors, *np.split(rest, 2))
+    def of(cls, numbers: FloatArray, rows: int) -> "Sizes":
+        """Return the sizes with some `numbers`."""
+        sensors, disturbances, rates, correlations = np.split(numbers, [rows, 2 * rows, 3 * rows])
+        return cls(np.exp(sensors), np.exp(disturbances), np.exp(rates), np.tanh(correlations))
 
     @property
-    def logarithms(self) -> FloatArray:
-        """Natural logarithms of all sizes."""
-        return np.log(np.concatenate((self.sensors, self.disturbances, self.rates)))
+    def numbers(self) -> FloatArray:
+        """All sizes as unbounded numbers: logarithms, and inverse hyperbolic tangents."""
+        sizes = np.log(np.concatenate((self.sensors, self.disturbances, self.rates)))
+        return np.append(sizes, np.arctanh(self.correlations))
+
+    def covariance(self, shares: FloatArray) -> FloatArray:
+        """Return the covariance, (n_rows, n_rows), of shares, (n_rows,), of the disturbances."""
+        correlation = np.eye(len(shares))
+        for pair, value in enumerate(self.correlations.tolist()):
+            link, motor = 2 * pair, 2 * pair + 1
+            correlation[link, motor] = correlation[motor, link] = value
+        size = self.disturbances * shares
+        return correlation * np.outer(size, size)
 
 
 def transition_of(jacobian: FloatArray, sample_time: float) -> FloatArray:
@@ -62,7 +77,7 @@ def steady_gains(
     step, decay = transition.copy(), np.exp(-sizes.rates * sample_time)
     step[n:, n:] = np.diag(decay)
     noise = np.zeros_like(step)
-    noise[n:, n:] = np.diag(sizes.disturbances**2 * (1.0 - decay**2))
+    noise[n:, n:] = sizes.covariance(np.sqrt(1.0 - decay**2))
     sees = sensors_of(rows, n + rows)
     mixing = np.eye(rows)
     for a, other in enumerate(problem.references):  # a relative output has its reference's noise
