@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from joint_log import read_columns, said
+from scipy import signal
 from tests.identification.made_joint import made
 
 from flexid.arrays import FloatArray
@@ -14,7 +15,7 @@ from flexid.identification.preparation.recordings import prepare
 from flexid.library.logs import read_log
 from flexid.recording import Log
 from flexid.recording.recording import Rank, rank_of
-from flexid.recording.slow_motion import late_input
+from flexid.recording.slow_motion import late_input, scales_apart
 from flexid.recording.velocities import is_noise
 
 STEP = 2e-3  # s
@@ -194,6 +195,19 @@ def test_what_only_looks_like_a_fault_is_not_named():
     assert read_columns({**columns, "motor_torque": load}).warnings == ()
     step = made(1, 4.0, noise=0.0, held=True, torque=lambda at: np.where(at > 0.2, 5.0, 0.0))
     assert [*late_input(step)] == []
+
+
+def test_damping_of_the_spring_is_no_scale():
+    """Assert no other scale for a well-damped joint that follows a square wave."""
+    time, motor, spring = 0.002 * np.arange(10000), 7.5, 50.0  # rad/s: the loop, the joint
+    goal = 0.8 * signal.square(2.0 * np.pi * time / 2.5)
+    moved = signal.lsim(([motor**2], [1.0, 1.8 * motor, motor**2]), goal, time)[1]
+    damped, losses = spring, 0.5  # 1/s, of the spring and of the link
+    link = signal.lsim(([damped, spring**2], [1.0, damped + losses, spring**2]), moved, time)[1]
+    noise = 2e-4 * np.random.default_rng(1).standard_normal((2, len(time)))
+    columns = {"time": time, "link_position": link + noise[0], "motor_position": moved + noise[1]}
+    (recording,) = read_columns({**columns, "motor_torque": goal}).recordings
+    assert scales_apart(recording) == (0.0, 0.0)
 
 
 def test_what_is_lost_or_spiked_is_interpolated():

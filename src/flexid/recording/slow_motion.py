@@ -1,8 +1,9 @@
 """Detection of scales, units and signs that the mechanics of the joint contradict.
 
-With viscous and dry friction, and with a late encoder, the mechanics are
+With viscous and dry friction, a damped spring and a late encoder, the mechanics are
 
-    link - motor     = -(J link'' + g sin(link + angle)) / k + a link' + b sign(link') + c,
+    link - motor     = -(J link'' + g sin(link + angle)) / k + a link' + b sign(link') + c
+                       + d motor',
     torque           =  (J + M) motor'' + J (link - motor)'' + g sin(link + angle) + friction.
 
 The equations also apply to signals that are all smoothed by one kernel, so no noise has to be
@@ -188,11 +189,16 @@ def scales_apart(recording: Recording) -> tuple[float, float]:
     gravity = [smoothed(np.sin(link)), smoothed(np.cos(link))] if turns else []
     mechanics = [*gravity, smoothed(link, 2), smoothed(link, 1), smoothed.sign(link)]
     deflection, moved = smoothed(link - motor), smoothed(motor)
-    share, error = own_share(deflection, moved, mechanics)
-    left = left_over(deflection, mechanics)
-    scaled = left_over(deflection, [moved, *mechanics])
-    named = _SMALLEST < abs(share) < _LARGEST and abs(share) > _CERTAIN * error
-    return (share, error) if named and scaled < _EXPLAINED * left else (0.0, 0.0)
+    found = []
+    for more in ([], [smoothed(motor, 1)]):  # with the link's velocity: damping of the spring
+        every = [*mechanics, *more]
+        share, error = own_share(deflection, moved, every)
+        left, scaled = (left_over(deflection, [*own, *every]) for own in ([], [moved]))
+        named = _SMALLEST < abs(share) < _LARGEST and abs(share) > _CERTAIN * error
+        if not (named and scaled < _EXPLAINED * left):
+            return 0.0, 0.0
+        found.append((share, error))
+    return found[0]
 
 
 @lru_cache(maxsize=1)  # several checks smooth the same recording
