@@ -227,6 +227,20 @@ def test_an_input_behind_a_lag_is_corrected():
         assert upper - lower < 2e-3 * TRUE[name]
 
 
+def test_a_coil_delays_the_back_emf():
+    """Assert that behind a coil's lag the motor's values are known up to the neglected back-EMF.
+
+    Of the viscous friction α any part may be back-EMF, which the lag τ delays by α τ of the inertia.
+    """
+    recording = made(1)
+    volts = recording.needed_input
+    logged = volts + 6e-3 * np.gradient(volts, SAMPLE_TIME)
+    found = identify([log(replace(recording, input=logged, input_unit="V"))]).coefficients
+    least = found["alpha2"].value * 6e-3 / np.sqrt(3.0)
+    for name in ("alpha1", "alpha2", "beta1"):
+        assert least < found[name].std / found[name].value < 1.4 * least
+
+
 def test_a_delay_is_no_lag():
     """Assert no such error for a true delay, or for a lead, and no lag in its place."""
     delayed = late(made(1, input_delay=3e-3))

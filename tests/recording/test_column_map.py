@@ -84,6 +84,10 @@ MAPS: dict[str, tuple[dict[str, FloatArray], dict[str, Any]]] = {
     ),
     "other letters": (IN_LETTERS, LETTERS),
     "letters as they stand": (IN_LETTERS | {"Q M": TORQUE}, LETTERS | {"motor_position": "q_m"}),
+    "a torque by its current": (
+        without(COLUMNS, "torque") | {"motor_current": 0.5 * TORQUE},
+        {"motor_torque": {"column": "motor_current", "scale": 2, "unit": "N m"}},
+    ),
     "a name twice": (
         COLUMNS | {"MotorTorque": 0.5 * TORQUE},
         {"motor_torque": {"column": "MotorTorque", "scale": 2}},

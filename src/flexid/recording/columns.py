@@ -132,9 +132,12 @@ class _Plan:
         return RecordingError(self.table.file, self.table.header, reason)
 
     def _add_canonical(self) -> None:
-        """Add columns with canonical names, except for channels that a column map defines."""
+        """Add columns with canonical names, except for channels and columns in a column map."""
         named = {*self.map.recipes, *self.map.unread}
+        mapped = {column for recipe in self.map.recipes.values() for column in recipe.weights}
         for header in self.table.names:
+            if not mapped.isdisjoint((header, self.table.short_name(header))):
+                continue
             bare, unit = split_header(self.table.short_name(header))
             name = _BY_FOLDED.get(folded(bare).replace("_", ""))
             if name is None or name in named:

@@ -137,18 +137,24 @@ def gauge_scale(doubted: Doubted) -> FloatArray:
 def coil_lag(doubted: Doubted) -> FloatArray:
     """Return errors of the motor if a voltage's delay is a lag of the coil, without back-EMF.
 
-    With a time constant τ in place of a delay and viscous friction α over inertia, the inertia
-    looks smaller by the share α τ.
+    The lag is uniformly distributed between zero and the whole delay.
     """
-    values = doubted.fitted.by_name
-    viscous = sum(value for name, value in values.items() if name in _VISCOUS)
     if doubted.input_unit != "V":
         return doubted.none
-    timing = doubted.fitted.structure.timing
+    values, timing = doubted.fitted.by_name, doubted.fitted.structure.timing
     delay = values.get(INPUT, timing.delays.get(INPUT, 0.0))
-    # The lag is uniformly distributed between zero and the whole delay.
     coil = float(np.clip(delay, 0.0, _LONGEST_COIL))
-    return doubted.common(abs(viscous) * coil / np.sqrt(3.0), "motor")
+    return doubted.common(coil_share(values, coil), "motor")
+
+
+def coil_share(values: Mapping[str, float], lag: float) -> float:
+    """Return the relative error of the motor's values by a coil whose back-EMF is neglected.
+
+    With a time constant τ and viscous friction α over inertia, of which all may be back-EMF, the
+    inertia looks smaller by the share α τ. The standard deviation is that of an even distribution.
+    """
+    viscous = sum(value for name, value in values.items() if name in _VISCOUS)
+    return abs(viscous) * lag / np.sqrt(3.0)
 
 
 def lag(doubted: Doubted) -> FloatArray:

@@ -9,9 +9,11 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
 from flexid.identification.estimation.answers import Answer, answer, answer_again
+from flexid.identification.estimation.doubts import coil_share
 from flexid.identification.preparation.recordings import IDEAL, Amplifier
 from flexid.identification.structure.gap import CHANCE
 from flexid.identification.structure.job import Job
+from flexid.identification.vocabulary.evidence import balance_of
 from flexid.identification.vocabulary.thresholds import Thresholds
 
 _CLEAR_GAIN = 0.1  # least relative fall of an exact fit's excess for a corrected input
@@ -58,7 +60,12 @@ def answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
             if late < 0.0:
                 changes.append(balance.log_lag_changes(filtering))
             else:
-                errors.append(lag_error(found.fits.reported, filtering.lag))
+                fitted = found.fits.reported
+                errors.append(lag_error(fitted, filtering.lag))
+                if is_voltage:  # a coil also delays the back-EMF
+                    of_motor = (n for n in fitted.names if balance_of(n) == "motor" and n != INPUT)
+                    share = coil_share(fitted.by_name, filtering.lag)
+                    changes.append(dict.fromkeys(of_motor, share))
     estimate = found.estimate
     shares = ([change.get(name, 0.0) for name in estimate.names] for change in changes)
     for error in (*errors, *(estimate.values * own for own in shares)):
