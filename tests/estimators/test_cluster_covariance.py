@@ -84,7 +84,14 @@ def test_each_block_undoes_its_own_leverage():
 def test_blocks_that_fade_tell_half():
     """Assert that exponentially decaying weights halve the degrees of freedom."""
     weights = np.exp(-np.arange(2000) / 50.0)
-    assert _freedom_ratio(weights, np.full(2000, 10.0)) == pytest.approx(0.5, rel=1e-3)
+    lengths = np.full(2000, 10.0)
+    assert _freedom_ratio(weights, lengths) == pytest.approx(0.5, rel=1e-3)
+    scores = np.random.default_rng(1).standard_normal((2000, 1, 1))
+    equations = np.full((2000, 1, 1, 1), 10.0), scores
+    _, kept = kept_covariance(equations, lengths, weights, [slice(0, 1)], np.zeros(1))
+    normals, faded = weights[:, None, None] * equations[0][:, 0], weights[:, None] * scores[:, 0]
+    alone = cluster_influences(normals, faded, np.arange(2000), 1.0 / normals.sum(axis=0))
+    assert kept == pytest.approx(0.5 * alone[1], rel=1e-3)
 
 
 @pytest.mark.parametrize("seen", [(0.0, 0.0, 5.0, 0.0), (0.0, 0.0, 0.0, 0.0)])
