@@ -1,5 +1,6 @@
 """Innovations of a linear joint under disturbances, against a textbook Kalman filter."""
 
+import sys
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -278,6 +279,19 @@ def test_sizes_are_unbounded_numbers():
     assert covariance[0, 1] == covariance[1, 0] == pytest.approx(-0.5 * 1.0 * 2.0)
     assert covariance[2, 3] == covariance[3, 2] == pytest.approx(-0.9 * 3.0 * 4.0)
     assert np.count_nonzero(covariance) == 8
+
+
+@pytest.mark.parametrize("correlation", [0.0, -0.8])
+def test_disturbances_get_a_correlation_that_is_clearly_likelier(monkeypatch, correlation):
+    """Assert none for independent disturbances, and about that of an error of the spring."""
+    monkeypatch.setattr(sys.modules[__name__], "CORRELATIONS", np.array([correlation]))
+    samples = disturbed_samples(7, 3000)
+    likelihood = _Likelihood.of(motion(samples), AT_REST, still(samples))
+    first = Sizes(NOISE, DISTURBANCES, RATES, np.zeros(1))
+    far = Sizes(3.0 * NOISE, 3.0 * DISTURBANCES, 3.0 * RATES, np.zeros(1)).numbers
+    least = np.append(2.0 * first.numbers[:6] - far[:6], np.arctanh(-0.999))
+    found = likelihood.maximise(first, (least, far)).correlations
+    assert found == (0.0 if correlation == 0.0 else pytest.approx(correlation, abs=0.15))
 
 
 @cache

@@ -230,7 +230,7 @@ def test_an_input_behind_a_lag_is_corrected():
 def test_a_coil_delays_the_back_emf():
     """Assert that behind a coil's lag the motor's values are known up to the neglected back-EMF.
 
-    Of the viscous friction α any part may be back-EMF, which the lag τ delays by α τ of the inertia.
+    Any part of the viscous friction α may be back-EMF, whose lag τ changes the inertia by α τ.
     """
     recording = made(1)
     volts = recording.needed_input

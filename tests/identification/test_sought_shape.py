@@ -202,10 +202,16 @@ def test_the_law_of_requested_friction_is_that_of_the_better_fit():
 
 
 def test_friction_may_fall_slowly():
-    """Assert that the rare law is found from a fit with another one, with a positive velocity."""
+    """Assert that the rare law is found from a fit with another one, with a positive velocity.
+
+    It is found for requested friction as well.
+    """
     falls = {**STICKING, "motor_static": 1.0, "stribeck_velocity": 0.2, "stribeck_exponent": 0.5}
-    found = identify([log(made(5, 12.0, **falls))])
+    asked = Settings(terms=(*PAPER_TERMS, "motor_coulomb", "motor_stribeck"))
+    recording = log(made(5, 12.0, **falls))
+    found, requested = (identify([recording], settings) for settings in (Settings(), asked))
     assert found.choices.shapes["stribeck_exponent"] == 0.5
+    assert requested.choices.shapes["stribeck_exponent"] == 0.5
     for name, value in (("motor_coulomb_friction", 1.0), ("stribeck_velocity", 0.2)):
         low, high = found.parameters[name].interval
         assert low < value < high
@@ -320,16 +326,18 @@ def test_which_constants_are_followed(monkeypatch, promises, holding, begun, cho
 
 
 @pytest.mark.parametrize(
-    ("excess", "slow", "tried", "ended"),
+    ("excess", "slow", "size", "tried", "ended"),
     [
         # Each law is fitted from the best one before it, and longer segments from the best of all.
-        (1.5, 1.2, [(1.0, 1.5), (0.5, 1.3)], [0.5, 0.5]),
-        (1.5, 1.4, [(1.0, 1.5), (0.5, 1.3)], [1.0, 1.0]),
+        (1.5, 1.2, 1.0, [(1.0, 1.5), (0.5, 1.3)], [0.5, 0.5]),
+        (1.5, 1.4, 1.0, [(1.0, 1.5), (0.5, 1.3)], [1.0, 1.0]),
+        # Friction does not rise with the speed.
+        (1.5, 1.2, -1.0, [(1.0, 1.5), (0.5, 1.3)], [1.0, 1.0]),
         # A law that leaves only noise stays.
-        (1.09, 1.0, [], [2.0, 2.0]),
+        (1.09, 1.0, 1.0, [], [2.0, 2.0]),
     ],
 )
-def test_the_likeliest_law_stays(monkeypatch, excess, slow, tried, ended):
+def test_the_likeliest_law_stays(monkeypatch, excess, slow, size, tried, ended):
     """Assert the order in which laws of Stribeck friction are compared, and which one stays."""
     every, starts = {1.0: 1.3, 0.5: slow}, []
 
@@ -338,7 +346,9 @@ def test_the_likeliest_law_stays(monkeypatch, excess, slow, tried, ended):
 
     def fit_like(structure, fitted):
         starts.append((law(structure), fitted.excess))
-        return over(SAME, every[law(structure)], structure)
+        found = over(SAME, every[law(structure)], structure)
+        found.by_name = {"alpha_stribeck": size if law(structure) == 0.5 else 1.0}
+        return found
 
     first = over(SAME, excess, next(STRIBECK.extensions(WITHOUT)))
     monkeypatch.setattr(shapes, "fit_like", fit_like)
@@ -348,7 +358,8 @@ def test_the_likeliest_law_stays(monkeypatch, excess, slow, tried, ended):
     )
     monkeypatch.setattr(FitsByLength, "with_term", lambda _, found, __: found)
     by_length = FitsByLength((first,), cast(Any, (range(SAME),)), True, ("cubic",), "")
-    found: Any = fit_with_shape(STRIBECK, by_length, first, [], lambda _: None, THRESHOLDS)
+    shape = replace(STRIBECK, least=lambda _: 0.0)
+    found: Any = fit_with_shape(shape, by_length, first, [], lambda _: None, THRESHOLDS)
     assert starts == tried
     assert [law(fit.structure) for fit in found] == ended
 

@@ -84,8 +84,13 @@ MAPS: dict[str, tuple[dict[str, FloatArray], dict[str, Any]]] = {
     ),
     "other letters": (IN_LETTERS, LETTERS),
     "letters as they stand": (IN_LETTERS | {"Q M": TORQUE}, LETTERS | {"motor_position": "q_m"}),
+    "a part of a sum": (
+        without(COLUMNS, "link_position")
+        | {"bend": COLUMNS["link_position"] - COLUMNS["motor_position"]},
+        {"link_position": {"sum": ["motor_position", "bend"]}},
+    ),
     "a torque by its current": (
-        without(COLUMNS, "torque") | {"motor_current": 0.5 * TORQUE},
+        without(COLUMNS, "torque") | {"motor_current [A]": 0.5 * TORQUE},
         {"motor_torque": {"column": "motor_current", "scale": 2, "unit": "N m"}},
     ),
     "a name twice": (

@@ -34,7 +34,9 @@ def to_sympy(expression: str, names: Collection[str], place: str = "expression")
     roots = folded.atoms(sp.Pow)
     if folded.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I) or any(r.is_real is False for r in roots):
         raise ExpressionError(
-            expression, "has no finite real value: correct the division, root or power", place
+            expression,
+            "has no finite real value: correct the division, root, logarithm or power",
+            place,
         )
     return folded
 

@@ -32,8 +32,8 @@ _SHARES = (1e-4, 2.0)  # bounds of a disturbance, over its row's acceleration
 # Bounds of a correlation: errors of a spring's torque have opposite signs on its two sides.
 _CORRELATIONS = (-0.999, 0.0)
 _FIRST_CORRELATION = -0.5  # first guess
-# Least fall of the cost by correlations. It was 5 or less for a bending arm, and 100 to 1700 for
-# drives whose gears have errors of angle.
+# Least fall of the cost by all correlations. It was 5 or less for a bending arm, and 100 to 1700
+# for drives whose gears have errors of angle.
 _CORRELATED = 30.0
 
 
@@ -216,7 +216,8 @@ class _Likelihood:
     def maximise(self, sizes: Sizes, bounds: tuple[FloatArray, FloatArray]) -> Sizes:
         """Maximise the likelihood over sizes, from given ones, with few runs of the motion.
 
-        Disturbances without correlation stay so unless a correlation is clearly likelier.
+        Disturbances without correlation stay so unless a correlation is clearly likelier. With one,
+        they keep it.
         """
         if sizes.correlations.any():
             return self._search(sizes, bounds)[0]
@@ -226,8 +227,8 @@ class _Likelihood:
         if not pairs:
             return apart
         begun = replace(sizes, correlations=np.full(pairs, _FIRST_CORRELATION))
-        correlated, other = self._search(begun, bounds)
-        return correlated if other < cost - _CORRELATED else apart
+        correlated, cost_correlated = self._search(begun, bounds)
+        return correlated if cost_correlated < cost - _CORRELATED else apart
 
     def _search(self, sizes: Sizes, bounds: tuple[FloatArray, FloatArray]) -> tuple[Sizes, float]:
         """Return the likeliest sizes and their cost, from given ones."""

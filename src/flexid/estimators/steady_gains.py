@@ -18,14 +18,14 @@ _STEADY = 1e-10  # relative change of a covariance by the last doubling
 class Sizes:
     """Sizes of sensor noise and of the rows' disturbances.
 
-    An error of a spring's torque acts on link and motor in opposite directions, so the disturbances
-    of such a pair of rows are correlated.
+    An error of a spring's torque acts on link and motor in opposite directions, so the white noise
+    that drives the disturbances of such a pair of rows is correlated.
     """
 
     sensors: FloatArray  # (n_rows,): standard deviation of each output's noise, in rad
     disturbances: FloatArray  # (n_rows,): root mean square of each row's disturbance, in rad/s²
     rates: FloatArray  # (n_rows,): decay rate of each disturbance, in 1/s
-    correlations: FloatArray  # (n_rows // 2,): between the disturbances of link and motor
+    correlations: FloatArray  # (n_rows // 2,): of the white noise of link and motor
 
     @classmethod
     def of(cls, numbers: FloatArray, rows: int) -> "Sizes":

@@ -132,11 +132,15 @@ class _Plan:
         return RecordingError(self.table.file, self.table.header, reason)
 
     def _add_canonical(self) -> None:
-        """Add columns with canonical names, except for channels and columns in a column map."""
+        """Add columns with canonical names, except for channels and columns of a column map.
+
+        A column that is a part of a sum may still be a channel of its own.
+        """
         named = {*self.map.recipes, *self.map.unread}
-        mapped = {column for recipe in self.map.recipes.values() for column in recipe.weights}
+        whole = [name for name, recipe in self.map.recipes.items() if len(recipe.weights) == 1]
+        mapped = {self.map.recipe(self.table, name).header for name in whole}
         for header in self.table.names:
-            if not mapped.isdisjoint((header, self.table.short_name(header))):
+            if header in mapped:
                 continue
             bare, unit = split_header(self.table.short_name(header))
             name = _BY_FOLDED.get(folded(bare).replace("_", ""))

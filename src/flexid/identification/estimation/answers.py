@@ -111,9 +111,8 @@ def answer(job: Job) -> Answer:
         if final := _final_exact(job, exact):
             return final
     short = exact if exact and _is_short(exact, job) else None
-    nearly = None if short else exact
-    if nearly and not nearly_explains(nearly.fits.reported, job.thresholds):
-        nearly = None
+    explains_nearly = exact and nearly_explains(exact.fits.reported, job.thresholds)
+    nearly = exact if explains_nearly and not short else None
     well_known = 0.5 * job.thresholds.noted_width  # two deviations are half an interval
     if nearly and _core_width(nearly) <= well_known:
         return _judged(nearly, nearly.fits.choice.fitted, job)
@@ -325,7 +324,7 @@ def _judged(found: Answer, fitted: Fitted, job: Job) -> Answer:
         return found
     shares = {} if found.disturbances is None else found.disturbances.shares
     own = doubts_of_spring(fitted, found.fits.reported.data, shares, job)
-    return replace(found, prediction=own.prediction, doubts=own.doubts, doubted=own.doubted)
+    return replace(found, **own._asdict())
 
 
 def _without_observer(fitted: Fitted, data: Data) -> Fitted:

@@ -184,7 +184,7 @@ def another_law(doubted: Doubted) -> FloatArray:
 
 
 def term_law(doubted: Doubted) -> FloatArray:
-    """Return errors if a term follows a law between its own and its other one."""
+    """Return errors if a term follows a law between its own and another usual one."""
     return doubted.none if doubted.by_laws is None else doubted.by_laws / np.sqrt(3.0)
 
 

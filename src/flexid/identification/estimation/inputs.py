@@ -62,8 +62,9 @@ def answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
             else:
                 fitted = found.fits.reported
                 errors.append(lag_error(fitted, filtering.lag))
-                if is_voltage:  # a coil also delays the back-EMF
-                    of_motor = (n for n in fitted.names if balance_of(n) == "motor" and n != INPUT)
+                if is_voltage:  # a coil also delays the back-EMF, by as much
+                    values = {*fitted.names} - {*fitted.structure.timing.sought}
+                    of_motor = (name for name in values if balance_of(name) == "motor")
                     share = coil_share(fitted.by_name, filtering.lag)
                     changes.append(dict.fromkeys(of_motor, share))
     estimate = found.estimate

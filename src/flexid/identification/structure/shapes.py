@@ -129,9 +129,17 @@ def fit_with_shape(
     best = min(firsts, key=lambda first: first.excess, default=None)
     if best is None or leaves_more(best, chosen, thresholds):
         return None
-    found = [best, *by_length.longer(best, thresholds)]
+    return _with_best_law(shape, best, by_length, thresholds)
+
+
+def _with_best_law(
+    shape: SoughtShape, first: Fitted, by_length: FitsByLength, thresholds: Thresholds
+) -> FitsByLength:
+    """Return fits over all lengths from the first one, with the likeliest law of the term."""
+    found = [first, *by_length.longer(first, thresholds)]
     likelier = _with_likelier_law(shape, found[-1], thresholds)
     if likelier is not found[-1]:
+        # Fits of shorter segments would lead back to another minimum.
         found = [likelier, *by_length.longer(likelier, thresholds)]
     return by_length.with_term(found, thresholds)
 
@@ -143,8 +151,11 @@ def _with_likelier_law(shape: SoughtShape, fitted: Fitted, thresholds: Threshold
     best = fitted
     for law in shape.with_other_laws(fitted.structure, rare=True):
         other = fit_like(law, best)
-        if other is not None and other.excess < best.excess:
-            best = other
+        if other is None or not shape.is_possible(other):
+            continue
+        # A velocity counts by its size.
+        visible = abs(shape.of(other.structure)) > shape.least(other)
+        best = other if visible and other.excess < best.excess else best
     return best
 
 
@@ -178,8 +189,8 @@ def fit_requested_shape(
 ) -> FitsByLength:
     """Fit a joint with one more term that the settings require.
 
-    The first fit has the constant fixed. If the log hardly shows the term, it stays fixed: outside
-    the range of the motion it would leave the coefficients undetermined.
+    The first fit has the constant fixed, and must succeed. If the log hardly shows the term, it
+    stays fixed: outside the range of the motion it would leave the coefficients undetermined.
     """
     progress(shape.words)
     before = turning(by_length.found, thresholds) or by_length.found[-1]
@@ -191,18 +202,18 @@ def fit_requested_shape(
                 "prediction error", f"nothing moves that would show {shape.words}: drop the term"
             )
         promise, structure = max(promising, key=itemgetter(0))
-        own = before.data, [before.problem.segments]
+        data, segments = before.data, [before.problem.segments]
         with suppress(ConvergenceError):
-            held = fit_by_length(shape.held_in(structure), own[0], before.by_name, own[1])
+            held = fit_by_length(shape.held_in(structure), data, before.by_name, segments)
             firsts += held
             if promise >= thresholds.shape_promise:
-                firsts += fit_by_length(structure, own[0], held[0].by_name, own[1])
+                firsts += fit_by_length(structure, data, held[0].by_name, segments)
     if not firsts:
         raise ConvergenceError(
             "prediction error", f"the fit with {shape.words} fails: drop the term"
         )
     first = min(firsts, key=lambda first: first.minimum.equations.cost)
-    return by_length.with_term([first, *by_length.longer(first, thresholds)], thresholds)
+    return _with_best_law(shape, first, by_length, thresholds)
 
 
 def _promising(

@@ -206,9 +206,10 @@ def reflected(values: Mapping[str, float]) -> dict[str, float]:
     """
     found = dict(values)
     found[STRIBECK_VELOCITY] = abs(values.get(STRIBECK_VELOCITY, 0.0))
-    if values.get(BEND_DEFLECTION, 0.0) < 0.0:
-        pairs = [(k, b) for k, b in zip(SPRING, _BENDS, strict=True) if {k, b} <= values.keys()]
-        share = values[pairs[0][1]] / values[pairs[0][0]]
+    pairs = zip(SPRING, _BENDS, strict=True)
+    known = [(values[k], values[b]) for k, b in pairs if {k, b} <= values.keys() and values[k]]
+    if known and values.get(BEND_DEFLECTION, 0.0) < 0.0:
+        share = known[0][1] / known[0][0]
         found |= {name: (1.0 + 2.0 * share) * values[name] for name in {*SPRING} & values.keys()}
         found |= {name: -values[name] for name in {*_BENDS, BEND_DEFLECTION} & values.keys()}
     return {name: found[name] for name in values}
