@@ -189,16 +189,21 @@ def scales_apart(recording: Recording) -> tuple[float, float]:
     gravity = [smoothed(np.sin(link)), smoothed(np.cos(link))] if turns else []
     mechanics = [*gravity, smoothed(link, 2), smoothed(link, 1), smoothed.sign(link)]
     deflection, moved = smoothed(link - motor), smoothed(motor)
-    found = []
-    for more in ([], [smoothed(motor, 1)]):  # with the link's velocity: damping of the spring
-        every = [*mechanics, *more]
-        share, error = own_share(deflection, moved, every)
-        left, scaled = (left_over(deflection, [*own, *every]) for own in ([], [moved]))
-        named = _SMALLEST < abs(share) < _LARGEST and abs(share) > _CERTAIN * error
-        if not (named and scaled < _EXPLAINED * left):
-            return 0.0, 0.0
-        found.append((share, error))
-    return found[0]
+    found = _clear_share(deflection, moved, mechanics)
+    # With the link's velocity, the motor's is damping of the spring, which may look like a scale.
+    damped = found and _clear_share(deflection, moved, [*mechanics, smoothed(motor, 1)])
+    return found if found and damped else (0.0, 0.0)
+
+
+def _clear_share(
+    deflection: FloatArray, moved: FloatArray, mechanics: Sequence[FloatArray]
+) -> tuple[float, float] | None:
+    """Return the motor's share in a deflection and its standard error; None if it is not clear."""
+    share, error = own_share(deflection, moved, mechanics)
+    left = left_over(deflection, mechanics)
+    scaled = left_over(deflection, [moved, *mechanics])
+    named = _SMALLEST < abs(share) < _LARGEST and abs(share) > _CERTAIN * error
+    return (share, error) if named and scaled < _EXPLAINED * left else None
 
 
 @lru_cache(maxsize=1)  # several checks smooth the same recording

@@ -81,9 +81,7 @@ class Doubted:
 
     def common(self, factor: float, balance: str) -> FloatArray:
         """Return the direction that scales all coefficients of a balance."""
-        delays = self.fitted.structure.timing.sought
-        own = [balance_of(name) == balance and name not in delays for name in self.fitted.names]
-        return factor * np.where(own, self.fitted.values, 0.0)[:, None]
+        return factor * _of_balance(self.fitted, balance)[:, None]
 
 
 Doubt = Callable[[Doubted], FloatArray]
@@ -144,17 +142,24 @@ def coil_lag(doubted: Doubted) -> FloatArray:
     values, timing = doubted.fitted.by_name, doubted.fitted.structure.timing
     delay = values.get(INPUT, timing.delays.get(INPUT, 0.0))
     coil = float(np.clip(delay, 0.0, _LONGEST_COIL))
-    return doubted.common(coil_share(values, coil), "motor")
+    return coil_error(doubted.fitted, coil)[:, None]
 
 
-def coil_share(values: Mapping[str, float], lag: float) -> float:
-    """Return the relative error of the motor's values by a coil whose back-EMF is neglected.
+def coil_error(fitted: Fitted, lag: float) -> FloatArray:
+    """Return the error of each value, shape (k,), by a coil whose back-EMF is neglected.
 
     With a time constant τ and viscous friction α over inertia, of which all may be back-EMF, the
     inertia looks smaller by the share α τ. The standard deviation is that of an even distribution.
     """
-    viscous = sum(value for name, value in values.items() if name in _VISCOUS)
-    return abs(viscous) * lag / np.sqrt(3.0)
+    viscous = sum(value for name, value in fitted.by_name.items() if name in _VISCOUS)
+    return abs(viscous) * lag / np.sqrt(3.0) * _of_balance(fitted, "motor")
+
+
+def _of_balance(fitted: Fitted, balance: str) -> FloatArray:
+    """Return the coefficients of a balance among a fit's values, shape (k,); the others are 0."""
+    delays = fitted.structure.timing.sought
+    own = [balance_of(name) == balance and name not in delays for name in fitted.names]
+    return np.where(own, fitted.values, 0.0)
 
 
 def lag(doubted: Doubted) -> FloatArray:

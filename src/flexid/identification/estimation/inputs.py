@@ -9,11 +9,10 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
 from flexid.identification.estimation.answers import Answer, answer, answer_again
-from flexid.identification.estimation.doubts import coil_share
+from flexid.identification.estimation.doubts import coil_error
 from flexid.identification.preparation.recordings import IDEAL, Amplifier
 from flexid.identification.structure.gap import CHANCE
 from flexid.identification.structure.job import Job
-from flexid.identification.vocabulary.evidence import balance_of
 from flexid.identification.vocabulary.thresholds import Thresholds
 
 _CLEAR_GAIN = 0.1  # least relative fall of an exact fit's excess for a corrected input
@@ -63,10 +62,7 @@ def answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
                 fitted = found.fits.reported
                 errors.append(lag_error(fitted, filtering.lag))
                 if is_voltage:  # a coil also delays the back-EMF, by as much
-                    values = {*fitted.names} - {*fitted.structure.timing.sought}
-                    of_motor = (name for name in values if balance_of(name) == "motor")
-                    share = coil_share(fitted.by_name, filtering.lag)
-                    changes.append(dict.fromkeys(of_motor, share))
+                    errors.append(coil_error(fitted, filtering.lag))
     estimate = found.estimate
     shares = ([change.get(name, 0.0) for name in estimate.names] for change in changes)
     for error in (*errors, *(estimate.values * own for own in shares)):
