@@ -226,6 +226,17 @@ def _eccentricity(rng: Generator, draft: Draft) -> None:
     draft.base = draft.base._replace(eccentricity=size, eccentricity_phase=phase)
 
 
+def _transmission_error(rng: Generator, draft: Draft) -> None:
+    first, second = rng.uniform(0.0, 2.0 * np.pi, 2)
+    draft.base = draft.base._replace(
+        transmission_number=float(rng.integers(30, 161)),
+        transmission_error=_log(rng, 2e-5, 2e-4),
+        transmission_phase=first,
+        second_transmission_error=_log(rng, 2e-5, 2e-4),
+        second_transmission_phase=second,
+    )
+
+
 def _payload_off_axis(rng: Generator, draft: Draft) -> None:
     pull = draft.base.gravity_torque * rng.uniform(0.1, 0.8)
     angle = rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 1.6)
@@ -378,6 +389,13 @@ _ALL = (
         "error of the gear once per turn, 0.1 to 1 mrad, after the motor's encoder",
         False,
         _eccentricity,
+        own_term=True,
+    ),
+    Family(
+        "transmission_error",
+        "error of the gear with 30 to 160 periods per turn, two harmonics of 0.02 to 0.2 mrad",
+        False,
+        _transmission_error,
         own_term=True,
     ),
     Family(

@@ -62,6 +62,11 @@ class Drive(NamedTuple):
     hysteresis_power: float = 1.0  # exponent of Bouc and Wen's model; larger ones bend more sharply
     eccentricity: float = 0.0  # rad
     eccentricity_phase: float = 0.0
+    transmission_number: float = 0.0  # periods of the transmission's error per turn of the joint
+    transmission_error: float = 0.0  # rad
+    transmission_phase: float = 0.0
+    second_transmission_error: float = 0.0  # rad, with half the period
+    second_transmission_phase: float = 0.0
     saturation: float = 0.0  # share of the torque that is lost at the peak
     peak_torque: float = 1.0  # N m
 
@@ -138,6 +143,14 @@ def _loads(drive, state, torque):
     if drive.eccentricity != 0.0:
         joint += drive.eccentricity * np.sin(p + drive.eccentricity_phase)
         slope += drive.eccentricity * np.cos(p + drive.eccentricity_phase)
+    if drive.transmission_number > 0.0:
+        number = drive.transmission_number
+        angle = number * p + drive.transmission_phase
+        twice = 2.0 * number * p + drive.second_transmission_phase
+        joint += drive.transmission_error * np.sin(angle)
+        joint += drive.second_transmission_error * np.sin(twice)
+        slope += number * drive.transmission_error * np.cos(angle)
+        slope += 2.0 * number * drive.second_transmission_error * np.cos(twice)
     rate = w - slope * v
     damping = drive.joint_damping
     if abs(q - joint) > drive.half_gap:

@@ -16,10 +16,12 @@ ANGLES = {
     "gravity_angle": "gravity_torque",
     "eccentricity_angle": "eccentricity",
     "ripple_angle": "torque_ripple",
+    "transmission_error_angle": "transmission_error",
+    "second_transmission_error_angle": "second_transmission_error",
 }
 """Parameters that are angles, with the amplitude that belongs to each."""
 
-CONSTANTS = frozenset({"stribeck_velocity", "ripple_number", "bend_deflection"})
+CONSTANTS = frozenset({"stribeck_velocity", "ripple_number", "error_number", "bend_deflection"})
 """Constants of regressors, which are not scored."""
 
 WRONG = 0.01

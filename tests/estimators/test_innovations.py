@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from made_motion import fall
 from noisy_joint import holding
-from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg import LinAlgError, expm, solve_discrete_are
 
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.innovations import Innovations, _Likelihood, fit_innovations
@@ -154,6 +154,13 @@ def still(samples: Samples) -> np.ndarray:
 
 
 AT_REST = Point(VALUES, np.zeros((1, 4)))
+
+
+def test_a_filter_of_a_motion_that_diverges_does_not_settle():
+    """Assert that an overflow is an error of its own, without a warning."""
+    seen = np.eye(1, 2)
+    with pytest.raises(LinAlgError, match="settle"):
+        steady_covariance(1e200 * np.eye(2), np.eye(2), seen, np.eye(1))
 
 
 def test_steady_covariance_is_that_of_the_riccati_equation():

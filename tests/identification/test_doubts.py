@@ -32,7 +32,10 @@ def doubted(
         names=NAMES,
         values=values,
         data=SimpleNamespace(scales_apart=apart),
-        structure=SimpleNamespace(timing=Timing("zero", sought=(INPUT,))),
+        structure=SimpleNamespace(
+            timing=Timing("zero", sought=(INPUT,)),
+            joint=SimpleNamespace(nonlinear={"alpha_stribeck": "stribeck_velocity"}),
+        ),
         by_name=dict(zip(NAMES, values.tolist(), strict=True)),
     )
     sizes = {name: 0.5 / value for name, value in VALUES.items()}
@@ -110,6 +113,15 @@ def test_values_of_one_balance_move_together():
     one, two = doubts.further_modes(doubted()), doubts.looks_like_the_acceleration(doubted())
     assert (one.shape[1], two.shape[1], doubts.play(doubted(by_play=0.3)).shape[1]) == (1, 2, 1)
     assert ((two != 0.0).sum(axis=1) <= 1).all()
+
+
+def test_a_constant_of_a_term_has_no_balance():
+    """Assert that a heavier balance changes no velocity."""
+    found: Any = doubted()
+    found.fitted.names = names = (*NAMES, "stribeck_velocity")
+    found.fitted.values = np.ones(len(names))
+    moved = np.abs(doubts.looks_like_the_acceleration(found)).sum(axis=1)
+    assert {n for n, size in zip(names, moved.tolist(), strict=True) if size} == {*VALUES}
 
 
 def test_a_hysteresis_may_follow_another_law():

@@ -39,6 +39,13 @@ MEMORY = {"spring_hysteresis": 0.5, "hysteresis_reach": 0.03}
 RIPPLE: dict[str, Any] = {"ripple_torque": 0.3, "ripple_number": 23.4, "ripple_phase": 0.8}
 RIPPLED = {"torque_ripple": 0.3, "ripple_angle": -0.8, "ripple_number": 23.4}
 ECCENTRIC: dict[str, Any] = {"eccentricity": 0.02, "eccentricity_phase": 0.6}  # rad
+TRANSMISSION = {
+    "transmission_number": 10.0,
+    "transmission_error": 3e-4,  # rad
+    "transmission_phase": 0.6,
+    "second_transmission_error": 2e-4,
+    "second_transmission_phase": -0.4,
+}
 BEND = {"bend": 0.3, "bend_stiffness": 40.0}
 BENT = {"bend_deflection": 0.3, "bend_stiffness": 40.0}
 
@@ -99,6 +106,19 @@ CASES = {
         {"eccentricity": 0.02, "eccentricity_angle": -0.6},
         seconds={3: 12.0},
     ),
+    "an error of the transmission": Case(
+        TRANSMISSION,
+        ("transmission_error",),
+        {
+            "transmission_error": 3e-4,
+            "transmission_error_angle": -0.6,
+            "second_transmission_error": 2e-4,
+            "second_transmission_error_angle": 0.4,
+            "error_number": 10.0,
+        },
+        seconds={3: 12.0},
+        accuracy=0.02,
+    ),
     "a ripple": Case(RIPPLE, ("torque_ripple",), RIPPLED, seconds={1: 12.0}, accuracy=2e-4),
     "a ripple and a bend": Case(
         {**RIPPLE, **BEND},
@@ -114,6 +134,14 @@ CASES = {
         LINK,
         {2: 12.0},
         0.01,
+    ),
+    "an error of the transmission of the link alone": Case(
+        TRANSMISSION,
+        ("transmission_error",),
+        {"transmission_error": 3e-4, "second_transmission_error": 2e-4, "error_number": 10.0},
+        LINK,
+        {4: 12.0},
+        0.02,
     ),
     "a gap of the link alone": Case(
         {"half_gap": 2e-3}, ("backlash",), {"half_backlash": 2e-3}, LINK, accuracy=0.01
@@ -194,7 +222,7 @@ def test_a_ripple_far_from_zero_counts_from_where_it_is():
     near = identified_case("a ripple")
     far = identify([log(turned(made(1, 12.0, **RIPPLE), -30))])
     origin = -30.0 * 2.0 * np.pi
-    assert far.choices.shapes["ripple_origin"] == pytest.approx(origin)
+    assert far.choices.shapes["angle_origin"] == pytest.approx(origin)
     assert f"its angle counted from {origin:.5g})" in far.summary[0]
     for name in ("ripple_number", "ripple_angle", "torque_ripple", "motor_inertia"):
         a, b = near.parameters[name], far.parameters[name]

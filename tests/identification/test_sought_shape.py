@@ -17,7 +17,7 @@ from flexid.identification.full_model.model import Fitted
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.structure.shapes import fit_with_shape
-from flexid.identification.structure.sought_terms import BEND, RIPPLE, STRIBECK
+from flexid.identification.structure.sought_terms import BEND, RIPPLE, STRIBECK, TRANSMISSION
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import HARDENING, PAPER_TERMS
@@ -25,6 +25,7 @@ from flexid.models.flexible_joint import HARDENING, PAPER_TERMS
 NUMBER, PHASE = 23.4, 0.8
 RIPPLED: dict[str, Any] = {"ripple_torque": 0.3, "ripple_number": NUMBER, "ripple_phase": PHASE}
 BENT: dict[str, Any] = {"bend": 0.3, "bend_stiffness": 40.0}
+UNEVEN: dict[str, Any] = {"transmission_number": NUMBER, "second_transmission_error": 3e-4}
 STICKING: dict[str, Any] = {
     "motor_coulomb_up": 1.0,
     "motor_coulomb_down": 1.0,
@@ -40,6 +41,7 @@ ENOUGH, TOO_LITTLE = THRESHOLDS.shape_promise + 0.001, THRESHOLDS.shape_promise 
     [
         (("torque_ripple",), RIPPLE, RIPPLED, NUMBER, 5e-4, (0.995, 1.005)),
         (("bent_spring",), BEND, BENT, 0.3, 5e-4, (0.995, 1.005)),
+        (("transmission_error",), TRANSMISSION, UNEVEN, NUMBER, 5e-4, (0.998, 1.002)),
         (("motor_coulomb", "motor_stribeck"), STRIBECK, STICKING, 0.15, 0.01, (0.6, 1.6)),
     ],
 )
@@ -59,6 +61,15 @@ def test_a_constant_goes_where_the_sum_of_squares_is_least(
         ]
         assert value == shape.of(found.structure)
         assert abs(value - truth) < 4.0 * deviation < 0.2 * truth
+
+
+def test_a_peak_may_be_the_second_harmonic_of_a_transmission():
+    """Assert that half the number of a peak is a candidate too."""
+    plain = fitted(made(3, 12.0, transmission_number=10.0, second_transmission_error=3e-4))
+    found = TRANSMISSION.candidates(plain.structure, plain.data)
+    resolution = TRANSMISSION.resolution(plain.structure.joint, plain.data)
+    for number in (10.0, 20.0):
+        assert min(abs(other - number) for other in found) < 0.5 * resolution
 
 
 @pytest.mark.parametrize("velocity", [0.04, 0.11, 0.9])
@@ -161,7 +172,7 @@ def test_the_interval_knows_that_the_number_was_sought():
     given, free = [], []
     for seed in range(10, 22):
         recording = turned(made(seed, 6.0, **RIPPLED), 3)
-        constants = {"ripple_number": NUMBER + 1e-3, "ripple_origin": 0.0}
+        constants = {"ripple_number": NUMBER + 1e-3, "angle_origin": 0.0}
         found = fitted(recording, "torque_ripple", widths=constants)
         sought = {"ripple_number": RIPPLE.of(found.structure)}
         held = fitted(recording, "torque_ripple", widths=constants, fixed=sought)

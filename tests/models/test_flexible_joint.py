@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy as sp
 
 from flexid.models.flexible_joint import (
     RIGID_TERMS,
@@ -55,6 +56,21 @@ def test_a_term_is_explained(name: str):
     declared = NOTATION.read_text(encoding="utf-8")
     assert EVERY[name].description
     assert [c for c in {*EVERY[name].link, *EVERY[name].motor} if f"`{c}`" not in declared] == []
+
+
+def test_an_error_of_the_transmission_does_no_work():
+    """Assert that its torques are the slopes of an energy, up to the error's square."""
+    x1, x3, size = sp.symbols("x1 x3 size")
+    term = SHAPE_TERMS["transmission_error"]
+    names = {"x1": x1, "x3": x3} | {n: sp.Symbol(n) for n in ("error_number", "angle_origin")}
+    for link, motor in zip(term.link.values(), term.motor.values(), strict=True):
+        on_link, on_motor = (
+            sp.sympify(text, locals={**names, "spring_centre": 0}) for text in (link, motor)
+        )
+        energy = (x1 - x3 - size * on_link) ** 2 / 2  # of a spring of unit stiffness
+        for place, torque in ((x1, on_link), (x3, on_motor)):
+            slope = sp.diff(-sp.diff(energy, place), size).subs(size, 0)
+            assert sp.simplify(slope - torque) == 0
 
 
 def test_limit_of_the_flexible_joint():

@@ -219,7 +219,7 @@ PAIRS = {
     ),
     # The amplitude does not depend on the origin of a ripple.
     **{
-        f"ripples from {origin}": of_shapes(RIPPLE, "ripple_origin", 6.28, origin)
+        f"ripples from {origin}": of_shapes(RIPPLE, "angle_origin", 6.28, origin)
         for origin in (0.0, -6.28, 12.56)
     },
     # A gap has its own width, unless the width was chosen by the motion.

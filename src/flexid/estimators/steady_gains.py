@@ -101,14 +101,17 @@ def steady_covariance(
     information = sees.T @ np.linalg.solve(sensors, sees)
     covariance = noise
     unit = np.eye(len(step))
-    for _ in range(_DOUBLINGS):
-        inverse = np.linalg.inv(unit + information @ covariance)
-        more = forward.T @ covariance @ inverse @ forward
-        information = information + forward @ inverse @ information @ forward.T
-        forward = forward @ inverse @ forward
-        covariance = covariance + more
-        if np.abs(more).max() <= _STEADY * np.abs(covariance).max():
-            return 0.5 * (covariance + covariance.T)
+    with np.errstate(over="ignore", invalid="ignore"):  # of a motion that diverges
+        for _ in range(_DOUBLINGS):
+            inverse = np.linalg.inv(unit + information @ covariance)
+            more = forward.T @ covariance @ inverse @ forward
+            information = information + forward @ inverse @ information @ forward.T
+            forward = forward @ inverse @ forward
+            covariance = covariance + more
+            if not np.isfinite(covariance).all():
+                break
+            if np.abs(more).max() <= _STEADY * np.abs(covariance).max():
+                return 0.5 * (covariance + covariance.T)
     raise LinAlgError("the filter does not settle")
 
 

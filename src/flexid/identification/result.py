@@ -23,7 +23,7 @@ from flexid.identification.vocabulary.evidence import (
     Verdict,
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
-from flexid.models.flexible_joint import RIPPLE_ORIGIN
+from flexid.models.flexible_joint import ANGLE_ORIGIN
 from flexid.models.motion import JointType
 from flexid.recording.recording import Caution, Hold, Log, Rank, Recording
 
@@ -166,7 +166,7 @@ def _model_sentence(choices: Choices, model: Kind, *, asked: bool) -> str:
 
 def _term(name: str, choices: Choices) -> str:
     """Return a term's name; for a ripple also the origin of its angle."""
-    origin = choices.shapes.get(RIPPLE_ORIGIN, 0.0)
+    origin = choices.shapes.get(ANGLE_ORIGIN, 0.0)
     if name != "torque_ripple" or not origin:
         return name
     return f"{name} (its angle counted from {origin:.5g})"

@@ -151,7 +151,8 @@ CONTACT_DEFLECTION = "contact_deflection"
 CONTACT_DAMPING = "contact_damping"  # 1 if the spring has no damping in its gap, otherwise 0
 BEND_DEFLECTION = "bend_deflection"
 RIPPLE_NUMBER = "ripple_number"
-RIPPLE_ORIGIN = "ripple_origin"
+ERROR_NUMBER = "error_number"
+ANGLE_ORIGIN = "angle_origin"
 HYSTERESIS_GRIP = "hysteresis_grip"
 
 SHAPES = tuple(DECLARED["constants"])

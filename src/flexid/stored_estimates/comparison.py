@@ -15,11 +15,11 @@ from flexid.identification.result import Identification
 from flexid.identification.vocabulary.evidence import CONFIDENCE, ValueEstimate, quantile
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import (
+    ANGLE_ORIGIN,
     BACKLASH_WIDTH,
     CONTACT_DAMPING,
     DAMPING,
     RIPPLE_NUMBER,
-    RIPPLE_ORIGIN,
     SHAPE_TERMS,
     STRIBECK_EXPONENT,
     WIDTHS,
@@ -199,7 +199,7 @@ def _evaluated(
     for (coefficient, shape), reason in unlike.items():
         own = coefficient in a.slopes or coefficient in b.slopes
         # The ripple's amplitude does not depend on its origin.
-        if own and (blank.name, shape) != ("torque_ripple", RIPPLE_ORIGIN):
+        if own and (blank.name, shape) != ("torque_ripple", ANGLE_ORIGIN):
             return replace(blank, reason=reason)
     if "[" in blank.name:
         return replace(blank, reason="each log has its own value")
@@ -366,7 +366,7 @@ def _limits(a: Either, b: Either, logs: Sharing) -> Iterator[str]:
 
 _LARGEST_RATIO = 2.0  # of two constants; beyond it, coefficients that depend on them differ
 
-_OWN_RATIO = {RIPPLE_NUMBER: 1.02, RIPPLE_ORIGIN: 1.0 + 1e-9, STRIBECK_EXPONENT: 1.0 + 1e-9}
+_OWN_RATIO = {RIPPLE_NUMBER: 1.02, ANGLE_ORIGIN: 1.0 + 1e-9, STRIBECK_EXPONENT: 1.0 + 1e-9}
 """Largest ratio for constants that need a tighter limit: otherwise it is another ripple or law."""
 
 

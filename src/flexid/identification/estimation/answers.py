@@ -72,7 +72,7 @@ OF_A_LENGTH = "segments of other lengths give other values"
 # complete a search that has succeeded, to search in a part of the log, and to fit all data. Logs of
 # 34 families took 5.6e6 at most for all. More are needed if the model does not explain the log, or
 # if the joint is so stiff that a sample needs many steps.
-_MOST_STEPS = 1e7
+_MOST_STEPS = 1.1e7
 _FEWEST_IN_PART = 300  # samples of a piece of the log: several periods of the resonance
 _BY_DELAY = "all of which is a delay between the encoders"
 _BY_DISTURBANCES = "the input is low-passed to the joint's band, where all holds are alike"

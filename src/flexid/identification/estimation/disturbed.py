@@ -37,7 +37,7 @@ from flexid.identification.full_model.starting import no_start, starts
 from flexid.identification.structure.elimination import eliminate, latest
 from flexid.identification.structure.gap import likely_play
 from flexid.identification.structure.link_delay import is_damping, shifted, skew
-from flexid.identification.structure.sought_terms import BEND, STRIBECK
+from flexid.identification.structure.sought_terms import BEND, STRIBECK, TRANSMISSION
 from flexid.identification.structure.validation import Follower
 from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
@@ -67,7 +67,6 @@ class Disturbed:
     factor: int  # thinning factor
     cost: float  # -2 log likelihood
     by_play: float = 0.0  # relative increase of the stiffness with play instead of hardening
-    by_lost_play: float = 0.0  # relative increase by play that was likely but was removed later
 
 
 def fit_disturbed(
@@ -94,25 +93,46 @@ def fit_disturbed(
     full = _likeliest(tried, data, factor)
     if max(shares_of(full.fitted, full.sizes).values()) > _WRONG_MINIMUM:
         full = min([full, *_from_few_terms(full, data, factor)], key=cost_of)
-    likely = None if structure.joint.kind == "rigid" else likely_play(full.fitted.structure, data)
-    played, by_play, lost = full, likely.doubt if likely else 0.0, 0.0
-    if likely and with_shapes:
-        played, by_play = with_play(full, likely, data, factor)
-        lost = 0.0 if played is full else by_play
     if with_shapes:
-        bent = with_shape(BEND, "link", full, data, factor, kept)
-        full = min((played, bent, *with_hysteresis(full, data, factor)), key=cost_of)
-        if full is not played:  # another law explains what looked like play
-            by_play, lost = 0.0, 0.0
-        full = with_shape(STRIBECK, "motor", full, data, factor, kept)
+        full, by_play = _with_unusual_terms(full, data, factor, kept)
+    else:
+        by_play = _doubtful_play(full, data)
+    # Each unusual term has made the fit clearly likelier. A test of its value alone has less power:
+    # a hysteresis and its reach may be inseparable.
+    own = full.fitted.structure
+    kept = {*kept, *(own.joint.shapes - own.absent)}
     best, evidence = _with_shown_terms(full, data, factor, kept, thresholds)
     if is_damping(best.fitted.by_name):  # delay and friction are equivalent to one damping
         without = structure.without({LINK})
         return fit_disturbed(without, data, kept, holds, thresholds, with_shapes=with_shapes)
     best = with_width_of_gap(best, data, factor)
     shares = shares_of(best.fitted, best.sizes)
-    rest = factor, best.cost, by_play, lost
+    rest = factor, best.cost, by_play
     return Disturbed(best.fitted, full.fitted, evidence, best.sizes, shares, *rest)
+
+
+def _with_unusual_terms(
+    full: FitInBand, data: Data, factor: int, kept: Collection[str]
+) -> tuple[FitInBand, float]:
+    """Return the fit with all unusual terms that are likely, and the spring's doubt by play."""
+    # The error of a transmission hides all other laws of the spring.
+    full = with_shape(TRANSMISSION, "link", full, data, factor, kept)
+    likely = likely_play(full.fitted.structure, data)
+    played, by_play = with_play(full, likely, data, factor) if likely else (full, 0.0)
+    bent = with_shape(BEND, "link", full, data, factor, kept)
+    first, full = full, min((played, bent, *with_hysteresis(full, data, factor)), key=cost_of)
+    if full is not played:  # another law explains what looked like play
+        by_play = 0.0
+    if full is bent is not first:
+        full = min([full, *with_hysteresis(full, data, factor)], key=cost_of)
+    return with_shape(STRIBECK, "motor", full, data, factor, kept), by_play
+
+
+def _doubtful_play(full: FitInBand, data: Data) -> float:
+    """Return the relative increase of the stiffness by play that a flexible joint may have."""
+    structure = full.fitted.structure
+    likely = None if structure.joint.kind == "rigid" else likely_play(structure, data)
+    return likely.doubt if likely else 0.0
 
 
 def _likeliest(tried: Sequence[Structure], data: Data, factor: int) -> FitInBand:

@@ -6,6 +6,7 @@ half, or that no log shows, are covered by doubts (`flexid.identification.estima
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -39,7 +40,12 @@ from flexid.identification.estimation.model_error import (
     lagged,
     with_more,
 )
-from flexid.identification.estimation.rig_errors import likely_changes, with_sensor_error
+from flexid.identification.estimation.rig_errors import (
+    SHARE,
+    SMALL_SHARE,
+    likely_changes,
+    with_sensor_error,
+)
 from flexid.identification.estimation.thinned_log import PER_PERIOD, thinned_samples, thinning
 from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.full_model.starting import least_squares_start, suited_rate
@@ -63,7 +69,8 @@ def disturbed_estimate(
     estimate = fitted.fit.at_least(fitted.unit_deviations)
     estimate = with_free_width(estimate, fitted)
     names = fitted.names
-    by_play = found.by_lost_play if HARDENING.isdisjoint(names) else found.by_play
+    # Play looks like a spring that hardens.
+    has_play = not PLAY.isdisjoint(names) or HARDENING.isdisjoint(names)
     doubted = Doubted(
         fitted,
         row_sizes(_squares(fitted).rows),
@@ -72,7 +79,7 @@ def disturbed_estimate(
         _by_gauge(found, data),
         by_eccentricity(fitted),
         pulled(fitted, found.sizes, data.samples, found.factor),
-        by_play if PLAY.isdisjoint(names) else 0.0,
+        0.0 if has_play else found.by_play,
         lagged(fitted),
         behind_a_dead_zone(fitted) if input_unit == "V" else None,
         by_other_laws(fitted),
@@ -146,11 +153,12 @@ def by_eccentricity(fitted: Fitted) -> FloatArray | None:
     if fitted.data.relative_to or not gravity.any():
         return None
     angle = fitted.problem.segments.outputs[:, 0]
-    rigs = [with_sensor_error(fitted, 0, ECCENTRICITY * wave(angle)) for wave in (np.sin, np.cos)]
-    try:
-        return gravity[:, None] * likely_changes(fitted, rigs, _scatter(fitted))
-    except ConvergenceError:
-        return (gravity * fitted.values)[:, None]
+    errors = [ECCENTRICITY * wave(angle) for wave in (np.sin, np.cos)]
+    for share in (SHARE, SMALL_SHARE):
+        rigs = [with_sensor_error(fitted, 0, error, share) for error in errors]
+        with suppress(ConvergenceError):
+            return gravity[:, None] * likely_changes(fitted, rigs, _scatter(fitted), share)
+    return (gravity * fitted.values)[:, None]
 
 
 def _scatter(fitted: Fitted) -> float:

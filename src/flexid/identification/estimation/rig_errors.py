@@ -14,30 +14,40 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import Equations, SegmentedMotion
 from flexid.identification.full_model.model import Fitted, M
 
-SHARE = 0.3  # of an error's size, for the trial: a larger one leaves the linear range
+SHARE = 0.3
+"""Part of an error's size, for the trial: a larger one leaves the linear range."""
+
+SMALL_SHARE = 0.03
+"""Part of an error's size for a motion that diverges at `SHARE`, such as one with hysteresis."""
 
 
-def with_sensor_error(fitted: Fitted[M], row: int, error: FloatArray) -> SegmentedMotion:
-    """Return a fit's motion with `SHARE` of an error, shape (n_samples,), in a row's sensor."""
+def with_sensor_error(
+    fitted: Fitted[M], row: int, error: FloatArray, share: float = SHARE
+) -> SegmentedMotion:
+    """Return a fit's motion with a share of an error, shape (n_samples,), in a row's sensor."""
     segments = fitted.problem.segments
     outputs = segments.outputs.copy()
-    outputs[:, row] += SHARE * error
+    outputs[:, row] += share * error
     return replace(fitted.problem, segments=replace(segments, outputs=outputs))
 
 
 def likely_changes(
-    fitted: Fitted[M], rigs: Sequence[SegmentedMotion], scatter: float = 1.0
+    fitted: Fitted[M],
+    rigs: Sequence[SegmentedMotion],
+    scatter: float = 1.0,
+    share: float = SHARE,
 ) -> FloatArray:
     """Return changes of the values by errors of the rig, given the log.
 
+    `rigs` are motions with a share of each error.
     `scatter` multiplies the variance of the innovations. Returns directions, shape (k, n_rigs + 1):
     the uncertainty that the log leaves, and the mean change in the last column.
     """
     size = np.sqrt(max(fitted.excess, 1.0) * scatter)
     before = _innovations(fitted.problem, fitted.minimum.equations) / size
     followed = [_step_and_innovations(fitted, rig) for rig in rigs]
-    steps = np.array([step for step, _ in followed]) / SHARE
-    changes = np.array([after / size - before for _, after in followed]) / SHARE
+    steps = np.array([step for step, _ in followed]) / share
+    changes = np.array([after / size - before for _, after in followed]) / share
     covariance = np.linalg.inv(changes @ changes.T + np.eye(len(rigs)))
     mean = -covariance @ (changes @ before)
     return steps.T @ np.column_stack((np.linalg.cholesky(covariance), mean))

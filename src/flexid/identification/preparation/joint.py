@@ -17,6 +17,7 @@ from flexid.estimators.samples import Samples, Segments, samples_of_recording
 from flexid.estimators.segmented_motion import SegmentedMotion, segmented_motion
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.flexible_joint import (
+    ANGLE_ORIGIN,
     ANGULAR_TERMS,
     BACKLASH_WIDTH,
     COEFFICIENT_UNITS,
@@ -27,7 +28,6 @@ from flexid.models.flexible_joint import (
     PLAY,
     RIGID_TERMS,
     RIGID_UNITS,
-    RIPPLE_ORIGIN,
     SHAPE_TERMS,
     SMOOTHING,
     SOUGHT_CONSTANTS,
@@ -107,7 +107,7 @@ class Joint:
             np.std(self.deflections(recordings))
         )  # about its mean: encoders may not share their zero
         widths = {BACKLASH_WIDTH: max(_BACKLASH_SHARE * deflection, _LEAST)}
-        widths[RIPPLE_ORIGIN] = self._origin([positions[:, _MOTOR] for positions, _ in sides])
+        widths[ANGLE_ORIGIN] = self._origin([positions[:, _MOTOR] for positions, _ in sides])
         widths[HYSTERESIS_GRIP] = 1.0 / max(_GRIP_SHARE * deflection, _LEAST)
         return replace(self, smooth=smooth).with_widths(widths)
 

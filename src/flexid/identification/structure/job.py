@@ -35,7 +35,12 @@ from flexid.identification.structure.shapes import (
     fit_requested_shape,
     fit_with_shape,
 )
-from flexid.identification.structure.sought_terms import SOUGHT, SOUGHT_COEFFICIENTS, is_slack
+from flexid.identification.structure.sought_terms import (
+    SOUGHT,
+    SOUGHT_COEFFICIENTS,
+    TRANSMISSION,
+    is_slack,
+)
 from flexid.identification.structure.validation import misprediction, validate
 from flexid.identification.vocabulary import Progress, silent
 from flexid.identification.vocabulary.evidence import Validation
@@ -286,9 +291,12 @@ def _further_searches(
         if full.structure.joint.remembered <= full.structure.absent:
             yield lambda _: fit_with_hysteresis(by_length, before, *rest)
         for shape in SOUGHT:
+            if shape is TRANSMISSION:  # play is more common, and its search is quicker
+                yield lambda chosen: _with_play(by_length, chosen, job)
             if not shape.is_in(full):
                 yield partial(_with_shape, shape, by_length, before, job)
-    yield lambda chosen: _with_play(by_length, chosen, job)
+    else:
+        yield lambda chosen: _with_play(by_length, chosen, job)
 
 
 def _with_shape(

@@ -6,7 +6,7 @@ turn, unless the whole motion has only a few. Stribeck friction falls from its s
 motor moves. A bent spring has another stiffness beyond some deflection, as in gear catalogues.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from flexid.identification.structure.shapes import SoughtShape
 from flexid.identification.vocabulary.evidence import Estimate
 from flexid.models.flexible_joint import (
     BEND_DEFLECTION,
+    ERROR_NUMBER,
     HARDENING,
     RIPPLE_NUMBER,
     SHAPE_TERMS,
@@ -29,7 +30,7 @@ from flexid.models.flexible_joint import (
     STRIBECK_VELOCITY,
 )
 
-_MOTOR = 1  # index of the motor's row and position
+_LINK, _MOTOR = 0, 1  # indices of rows and positions
 _RATES = (60.0, 200.0)  # 1/s, of the filters of least squares
 _PEAKS = 4  # most peaks of a spectrum that are tried
 _LARGEST = {"revolute": 500.0, "prismatic": 2e3 * np.pi}  # periods per turn, or per 2π m (1 mm)
@@ -52,48 +53,77 @@ _BENDS = (*SHAPE_TERMS["bent_spring"].link, *SHAPE_TERMS["bent_spring"].motor)
 _SLACK, _NEARLY_SLACK = 0.01, 0.1
 
 
-def _apart_in_number(_: Joint, data: Data) -> float:
+def _apart_in_number(joint: Joint, data: Data) -> float:
     """Return the resolution of the periods per turn: one period over the whole motion."""
-    return 2.0 * np.pi / _range(data)
+    return 2.0 * np.pi / _range(joint, data)
 
 
-def _range(data: Data) -> float:
+def _range(joint: Joint, data: Data) -> float:
     """Return the range of the motor's motion in rad."""
-    positions = [recording.positions[:, _MOTOR] for recording in data.samples]
+    positions = [joint.both_sides(recording)[0][:, _MOTOR] for recording in data.samples]
     return float(max(p.max() for p in positions) - min(p.min() for p in positions))
 
 
 def numbers(structure: Structure, data: Data) -> list[float]:
-    """Return candidate numbers of periods in a turn, from the residuals of least squares."""
-    if not _range(data) > 0.0:
+    """Return candidate numbers of a ripple's periods in a turn, by the motor's residuals."""
+    found = _few(structure, data)
+    return [*found, *_other(found, _all_peaks(structure, data, _MOTOR), structure, data)]
+
+
+def error_numbers(structure: Structure, data: Data) -> list[float]:
+    """Return candidate numbers of a transmission error's periods, by the link's residuals.
+
+    A peak may be the second harmonic.
+    """
+    peaks = _all_peaks(structure, data, _LINK)
+    return _other([], [number for peak in peaks for number in (peak, 0.5 * peak)], structure, data)
+
+
+def _few(structure: Structure, data: Data) -> list[float]:
+    """Return numbers of periods in a turn, of which the whole motion has a few."""
+    apart = _apart_in_number(structure.joint, data) if _range(structure.joint, data) > 0.0 else 0.0
+    return [few * apart for few in _FEW] if apart else []
+
+
+def _other(
+    found: Sequence[float], more: Sequence[float], structure: Structure, data: Data
+) -> list[float]:
+    """Return the numbers that differ by more than half the resolution from all before."""
+    apart, other = 0.5 * _apart_in_number(structure.joint, data), []
+    for number in more:
+        if all(abs(number - before) > apart for before in (*found, *other)):
+            other.append(number)
+    return other
+
+
+def _all_peaks(structure: Structure, data: Data, side: int) -> list[float]:
+    if not _range(structure.joint, data) > 0.0:
         return []
-    apart = _apart_in_number(structure.joint, data)
-    found = [few * apart for few in _FEW]
-    for number in (peak for rate in _RATES for peak in _peaks(structure, data, rate)):
-        if all(abs(number - other) > 0.5 * apart for other in found):
-            found.append(number)
-    return found
+    return [peak for rate in _RATES for peak in _peaks(structure, data, rate, side)]
 
 
-def _peaks(structure: Structure, data: Data, rate: float) -> list[float]:
-    """Return the largest peaks of the spectrum, over position, of the motor row's residuals."""
-    velocities = [structure.joint.both_sides(s)[1][:, _MOTOR] for s in data.samples]
+def _peaks(structure: Structure, data: Data, rate: float, side: int) -> list[float]:
+    """Return the largest peaks of the spectrum, over position, of a row's residuals."""
+    joint = structure.joint
+    motions = [joint.both_sides(samples) for samples in data.samples]
+    places = [positions[:, _MOTOR] for positions, _ in motions]
+    velocities = [velocities[:, _MOTOR] for _, velocities in motions]
     speed = float(np.sqrt(np.mean(np.concatenate(velocities) ** 2)))
-    largest = _LARGEST[structure.joint.type]
+    largest = _LARGEST[joint.type]
     fastest = _FASTEST / max(speed * data.samples[0].sample_time, _FASTEST / largest)
-    most = min(fastest, _MOST_BINS / _BINS * _apart_in_number(structure.joint, data))
+    most = min(fastest, _MOST_BINS / _BINS * _apart_in_number(joint, data))
     bin_width = 2.0 * np.pi / (_BINS * most)
-    lowest = min(s.positions[:, _MOTOR].min() for s in data.samples)
-    left = np.zeros(int(_range(data) / bin_width) + 1)
-    row = least_squares_start(structure, data, rate)[1].rows[_MOTOR]
+    lowest = min(place.min() for place in places)
+    left = np.zeros(int(_range(joint, data) / bin_width) + 1)
+    row = least_squares_start(structure, data, rate)[1].rows[side]
     residual, first = row.left_hand_side - row.fitted, 0
-    for recording in data.samples:
-        positions = recording.positions[1:-1, _MOTOR]
+    for recording, place in zip(data.samples, places, strict=True):
+        positions = place[1:-1]
         own = residual[first : first + len(positions)]
         first += len(positions)
         back = _backwards(own, float(np.exp(-rate * recording.sample_time)))
-        places = ((positions - lowest) / bin_width).astype(np.int64)
-        left += np.bincount(places, weights=back, minlength=len(left))
+        bins = ((positions - lowest) / bin_width).astype(np.int64)
+        left += np.bincount(bins, weights=back, minlength=len(left))
     padded = _FINER * len(left)
     power = np.abs(np.fft.rfft(left, padded)) ** 2
     number = 2.0 * np.pi * np.arange(len(power)) / (padded * bin_width)
@@ -120,6 +150,15 @@ RIPPLE = SoughtShape(
     _apart_in_number,
 )
 """Ripple, and the number of its periods in a turn."""
+
+TRANSMISSION = SoughtShape(
+    "error of the transmission",
+    frozenset(SHAPE_TERMS["transmission_error"].coefficients),
+    ERROR_NUMBER,
+    error_numbers,
+    _apart_in_number,
+)
+"""Error of the transmission, and the number of its periods in a turn."""
 
 
 def _apart_in_velocity(joint: Joint, _: Data) -> float:
@@ -215,7 +254,7 @@ def reflected(values: Mapping[str, float]) -> dict[str, float]:
     return {name: found[name] for name in values}
 
 
-SOUGHT = (STRIBECK, RIPPLE, BEND)
+SOUGHT = (STRIBECK, RIPPLE, BEND, TRANSMISSION)
 """Terms that are tried automatically, each with a constant that is sought."""
 
 SOUGHT_COEFFICIENTS = frozenset(c for shape in SOUGHT for c in shape.coefficients)
