@@ -116,8 +116,8 @@ CASES = {
             "second_transmission_error_angle": 0.4,
             "error_number": 10.0,
         },
-        seconds={3: 12.0},
-        accuracy=0.02,
+        seconds={4: 12.0},
+        accuracy=0.01,
     ),
     "a ripple": Case(RIPPLE, ("torque_ripple",), RIPPLED, seconds={1: 12.0}, accuracy=2e-4),
     "a ripple and a bend": Case(

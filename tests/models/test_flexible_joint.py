@@ -65,7 +65,7 @@ def test_an_error_of_the_transmission_does_no_work():
     names = {"x1": x1, "x3": x3} | {n: sp.Symbol(n) for n in ("error_number", "angle_origin")}
     for link, motor in zip(term.link.values(), term.motor.values(), strict=True):
         on_link, on_motor = (
-            sp.sympify(text, locals={**names, "spring_centre": 0}) for text in (link, motor)
+            sp.parse_expr(text, {**names, "spring_centre": sp.S.Zero}) for text in (link, motor)
         )
         energy = (x1 - x3 - size * on_link) ** 2 / 2  # of a spring of unit stiffness
         for place, torque in ((x1, on_link), (x3, on_motor)):

@@ -184,11 +184,16 @@ def play(doubted: Doubted) -> FloatArray:
 
 
 def another_law(doubted: Doubted) -> FloatArray:
-    """Return errors of a hysteresis by a law other than Dahl's: its torque and reach grow alike."""
+    """Return errors of a hysteresis by a law other than Dahl's: its torque and reach grow alike.
+
+    What such a law leaves unexplained of the link's acceleration may be the spring's.
+    """
     inverse = declared.HYSTERESIS_GRIP  # of the reach
     share = dict.fromkeys(_HYSTERESIS, _ANOTHER_LAW) | {inverse: -_ANOTHER_LAW}
     values = doubted.fitted.by_name
-    return np.array([share.get(name, 0.0) * values[name] for name in doubted.fitted.names])[:, None]
+    left = doubted.shares.get("link", 0.0) / np.sqrt(3.0) * (inverse in values)
+    springs = dict.fromkeys(declared.SPRING, left)
+    return np.array([[by.get(n, 0.0) * v for by in (share, springs)] for n, v in values.items()])
 
 
 def term_law(doubted: Doubted) -> FloatArray:
