@@ -146,6 +146,7 @@ def with_term(log, names, value=0.5, **shapes):
 
 STRIBECK = ("motor_stribeck_friction", "alpha_stribeck")
 RIPPLE = ("torque_ripple", "alpha_ripple_sine")
+UNEVEN = ("transmission_error", "alpha_error_sine")
 PLAY = ("half_backlash", "alpha_backlash")
 
 
@@ -217,6 +218,11 @@ PAIRS = {
     "damping of a gap and of contact": of_shapes(
         ("joint_damping", "alpha_damping"), "contact_damping", 0.0, 1.0
     ),
+    **{
+        f"errors of {first} and {second} periods": of_shapes(UNEVEN, "error_number", first, second)
+        for first, second in ((100.0, 101.0), (100.0, 103.0))
+    },
+    "errors from 0 and 6.28": of_shapes(UNEVEN, "angle_origin", 0.0, 6.28),
     # The amplitude does not depend on the origin of a ripple.
     **{
         f"ripples from {origin}": of_shapes(RIPPLE, "angle_origin", 6.28, origin)

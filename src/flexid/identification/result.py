@@ -165,9 +165,9 @@ def _model_sentence(choices: Choices, model: Kind, *, asked: bool) -> str:
 
 
 def _term(name: str, choices: Choices) -> str:
-    """Return a term's name; for a ripple also the origin of its angle."""
+    """Return a term's name; for a ripple or transmission error also the origin of its angle."""
     origin = choices.shapes.get(ANGLE_ORIGIN, 0.0)
-    if name != "torque_ripple" or not origin:
+    if name not in ("torque_ripple", "transmission_error") or not origin:
         return name
     return f"{name} (its angle counted from {origin:.5g})"
 

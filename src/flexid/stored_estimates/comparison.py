@@ -19,6 +19,7 @@ from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,
     CONTACT_DAMPING,
     DAMPING,
+    ERROR_NUMBER,
     RIPPLE_NUMBER,
     SHAPE_TERMS,
     STRIBECK_EXPONENT,
@@ -198,8 +199,8 @@ def _evaluated(
         return replace(blank, reason=f"A has it in {a.unit}, B in {b.unit}")
     for (coefficient, shape), reason in unlike.items():
         own = coefficient in a.slopes or coefficient in b.slopes
-        # The ripple's amplitude does not depend on its origin.
-        if own and (blank.name, shape) != ("torque_ripple", ANGLE_ORIGIN):
+        # Amplitudes do not depend on the origin of the angle.
+        if own and not (blank.name in _AMPLITUDES and shape == ANGLE_ORIGIN):
             return replace(blank, reason=reason)
     if "[" in blank.name:
         return replace(blank, reason="each log has its own value")
@@ -366,7 +367,14 @@ def _limits(a: Either, b: Either, logs: Sharing) -> Iterator[str]:
 
 _LARGEST_RATIO = 2.0  # of two constants; beyond it, coefficients that depend on them differ
 
-_OWN_RATIO = {RIPPLE_NUMBER: 1.02, ANGLE_ORIGIN: 1.0 + 1e-9, STRIBECK_EXPONENT: 1.0 + 1e-9}
+_AMPLITUDES = ("torque_ripple", "transmission_error", "second_transmission_error")
+
+_OWN_RATIO = {
+    RIPPLE_NUMBER: 1.02,
+    ERROR_NUMBER: 1.02,
+    ANGLE_ORIGIN: 1.0 + 1e-9,
+    STRIBECK_EXPONENT: 1.0 + 1e-9,
+}
 """Largest ratio for constants that need a tighter limit: otherwise it is another ripple or law."""
 
 

@@ -1,7 +1,7 @@
-"""Unusual terms in fits with disturbances: play, hysteresis, a bend, and Stribeck friction.
+"""Unusual terms in fits with disturbances: of transmission, spring and the motor's friction.
 
-Each is a law of the spring or of the motor's friction that the usual terms describe badly. It is
-kept if the fit becomes likelier and explains clearly more of the balance that the law belongs to.
+Each is a law that the usual terms describe badly. It is kept if the fit becomes likelier and
+explains clearly more of the balance that the law belongs to.
 """
 
 from collections.abc import Collection, Iterator, Mapping

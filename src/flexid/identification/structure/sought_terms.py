@@ -1,9 +1,11 @@
-"""Terms with a constant that is sought in the log: ripple, Stribeck friction, a bent spring.
+"""Terms with a sought constant: ripple, transmission error, Stribeck friction, a bent spring.
 
 Cogging, gear teeth and uneven commutation act on the motor as a sine of its position. The residuals
 of the motor's row are summed over the position. Their spectrum shows the number of periods in a
-turn, unless the whole motion has only a few. Stribeck friction falls from its static value as the
-motor moves. A bent spring has another stiffness beyond some deflection, as in gear catalogues.
+turn, unless the whole motion has only a few. A gear's error of angle acts likewise on the link
+through the spring, once and twice per turn of the gear's input. Stribeck friction falls from its
+static value as the motor moves. A bent spring has another stiffness beyond some deflection, as in
+gear catalogues.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
