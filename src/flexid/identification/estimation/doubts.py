@@ -191,7 +191,7 @@ def another_law(doubted: Doubted) -> FloatArray:
     inverse = declared.HYSTERESIS_GRIP  # of the reach
     share = dict.fromkeys(_HYSTERESIS, _ANOTHER_LAW) | {inverse: -_ANOTHER_LAW}
     values = doubted.fitted.by_name
-    left = doubted.shares.get("link", 0.0) / np.sqrt(3.0) * (inverse in values)
+    left = float(doubted.shares.get("link", 0.0) / np.sqrt(3.0)) if inverse in values else 0.0
     springs = dict.fromkeys(declared.SPRING, left)
     return np.array([[by.get(n, 0.0) * v for by in (share, springs)] for n, v in values.items()])
 
