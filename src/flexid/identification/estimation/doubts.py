@@ -193,7 +193,9 @@ def another_law(doubted: Doubted) -> FloatArray:
     values = doubted.fitted.by_name
     left = float(doubted.shares.get("link", 0.0) / np.sqrt(3.0)) if inverse in values else 0.0
     springs = dict.fromkeys(declared.SPRING, left)
-    return np.array([[by.get(n, 0.0) * v for by in (share, springs)] for n, v in values.items()])
+    both = (share, springs)
+    names = doubted.fitted.names
+    return np.array([[by.get(name, 0.0) * values[name] for by in both] for name in names])
 
 
 def term_law(doubted: Doubted) -> FloatArray:
