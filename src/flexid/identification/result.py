@@ -23,7 +23,7 @@ from flexid.identification.vocabulary.evidence import (
     Verdict,
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
-from flexid.models.flexible_joint import ANGLE_ORIGIN
+from flexid.models.flexible_joint import ANGLE_ORIGIN, PERIODIC_TERMS
 from flexid.models.motion import JointType
 from flexid.recording.recording import Caution, Hold, Log, Rank, Recording
 
@@ -165,9 +165,9 @@ def _model_sentence(choices: Choices, model: Kind, *, asked: bool) -> str:
 
 
 def _term(name: str, choices: Choices) -> str:
-    """Return a term's name; for a ripple or transmission error also the origin of its angle."""
+    """Return a term's name; for a periodic one also the origin of its angles."""
     origin = choices.shapes.get(ANGLE_ORIGIN, 0.0)
-    if name not in ("torque_ripple", "transmission_error") or not origin:
+    if name not in PERIODIC_TERMS or not origin:
         return name
     return f"{name} (its angle counted from {origin:.5g})"
 

@@ -248,6 +248,13 @@ DRY_FRICTIONS = frozenset(
 ANGULAR_TERMS = frozenset(name for name, one in _EVERY.items() if one.get("angular"))
 """Terms that repeat with the angle of a link; a link that slides has none."""
 
+PERIODIC_TERMS = frozenset(
+    name
+    for name, term in SHAPE_TERMS.items()
+    if any(ANGLE_ORIGIN in regressor for regressor in (*term.link.values(), *term.motor.values()))
+)
+"""Terms that are periodic in the motor's position, with angles that count from `ANGLE_ORIGIN`."""
+
 PAPER_TERMS = ("gravity", "motor_viscous")  # of Huang (2003), eq. (4)
 
 

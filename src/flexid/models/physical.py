@@ -206,6 +206,11 @@ _TABLES: Mapping[str, tuple[PhysicalParameter, ...]] = {
 ANGLES = frozenset(p.name for table in _TABLES.values() for p in table if isinstance(p, ZeroAngle))
 """Parameters that are angles: their differences are modulo 2π, and percentages are meaningless."""
 
+AMPLITUDES = frozenset(
+    p.name for table in _TABLES.values() for p in table if isinstance(p, Amplitude)
+)
+"""Parameters that are amplitudes, which do not depend on the origin of an angle."""
+
 PARAMETER_NAMES = tuple(dict.fromkeys(p.name for table in _TABLES.values() for p in table))
 """Names of all physical parameters, for every kind of joint and input."""
 

@@ -25,7 +25,7 @@ from flexid.models.flexible_joint import (
     STRIBECK_EXPONENT,
     WIDTHS,
 )
-from flexid.models.physical import ANGLES, difference
+from flexid.models.physical import AMPLITUDES, ANGLES, difference
 from flexid.stored_estimates.estimate_file import drive_of
 
 Either = Identification | ArmIdentification
@@ -199,8 +199,7 @@ def _evaluated(
         return replace(blank, reason=f"A has it in {a.unit}, B in {b.unit}")
     for (coefficient, shape), reason in unlike.items():
         own = coefficient in a.slopes or coefficient in b.slopes
-        # Amplitudes do not depend on the origin of the angle.
-        if own and not (blank.name in _AMPLITUDES and shape == ANGLE_ORIGIN):
+        if own and not (blank.name in AMPLITUDES and shape == ANGLE_ORIGIN):
             return replace(blank, reason=reason)
     if "[" in blank.name:
         return replace(blank, reason="each log has its own value")
@@ -367,15 +366,13 @@ def _limits(a: Either, b: Either, logs: Sharing) -> Iterator[str]:
 
 _LARGEST_RATIO = 2.0  # of two constants; beyond it, coefficients that depend on them differ
 
-_AMPLITUDES = ("torque_ripple", "transmission_error", "second_transmission_error")
-
 _OWN_RATIO = {
     RIPPLE_NUMBER: 1.02,
     ERROR_NUMBER: 1.02,
     ANGLE_ORIGIN: 1.0 + 1e-9,
     STRIBECK_EXPONENT: 1.0 + 1e-9,
 }
-"""Largest ratio for constants that need a tighter limit: otherwise it is another ripple or law."""
+"""Largest ratio for constants that need a tighter limit: otherwise it is another wave or law."""
 
 
 def _unlike_constants(a: Identification, b: Identification) -> dict[tuple[str, str], str]:

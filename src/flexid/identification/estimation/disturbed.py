@@ -100,8 +100,8 @@ def fit_disturbed(
     # Each unusual term has made the fit clearly likelier. A test of its value alone has less power:
     # a hysteresis and its reach may be inseparable.
     own = full.fitted.structure
-    kept = {*kept, *(own.joint.shapes - own.absent)}
-    best, evidence = _with_shown_terms(full, data, factor, kept, thresholds)
+    stays = {*kept, *(own.joint.shapes - own.absent)}
+    best, evidence = _with_shown_terms(full, data, factor, stays, thresholds)
     if is_damping(best.fitted.by_name):  # delay and friction are equivalent to one damping
         without = structure.without({LINK})
         return fit_disturbed(without, data, kept, holds, thresholds, with_shapes=with_shapes)
@@ -120,12 +120,12 @@ def _with_unusual_terms(
     likely = likely_play(full.fitted.structure, data)
     played, by_play = with_play(full, likely, data, factor) if likely else (full, 0.0)
     bent = with_shape(BEND, "link", full, data, factor, kept)
-    first, full = full, min((played, bent, *with_hysteresis(full, data, factor)), key=cost_of)
-    if full is not played:  # another law explains what looked like play
+    best = min((played, bent, *with_hysteresis(full, data, factor)), key=cost_of)
+    if best is not played:  # another law explains what looked like play
         by_play = 0.0
-    if full is bent is not first:
-        full = min([full, *with_hysteresis(full, data, factor)], key=cost_of)
-    return with_shape(STRIBECK, "motor", full, data, factor, kept), by_play
+    if best is bent and bent is not full:  # a bent spring may have hysteresis as well
+        best = min([best, *with_hysteresis(best, data, factor)], key=cost_of)
+    return with_shape(STRIBECK, "motor", best, data, factor, kept), by_play
 
 
 def _doubtful_play(full: FitInBand, data: Data) -> float:

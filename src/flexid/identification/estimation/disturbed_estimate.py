@@ -69,8 +69,8 @@ def disturbed_estimate(
     estimate = fitted.fit.at_least(fitted.unit_deviations)
     estimate = with_free_width(estimate, fitted)
     names = fitted.names
-    # Play looks like a spring that hardens.
-    has_play = not PLAY.isdisjoint(names) or HARDENING.isdisjoint(names)
+    # A spring that hardens may be one with play.
+    may_have_play = PLAY.isdisjoint(names) and not HARDENING.isdisjoint(names)
     doubted = Doubted(
         fitted,
         row_sizes(_squares(fitted).rows),
@@ -79,7 +79,7 @@ def disturbed_estimate(
         _by_gauge(found, data),
         by_eccentricity(fitted),
         pulled(fitted, found.sizes, data.samples, found.factor),
-        0.0 if has_play else found.by_play,
+        found.by_play if may_have_play else 0.0,
         lagged(fitted),
         behind_a_dead_zone(fitted) if input_unit == "V" else None,
         by_other_laws(fitted),

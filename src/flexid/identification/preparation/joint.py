@@ -112,7 +112,7 @@ class Joint:
         return replace(self, smooth=smooth).with_widths(widths)
 
     def _origin(self, parts: Sequence[FloatArray]) -> float:
-        """Return the origin of a ripple's angle: the middle of motion, rounded to whole turns."""
+        """Return the origin of periodic terms: the middle of motion, rounded to whole turns."""
         middle = 0.5 * (max(float(x.max()) for x in parts) + min(float(x.min()) for x in parts))
         return TURN * round(middle / TURN) if self.type == "revolute" else middle
 

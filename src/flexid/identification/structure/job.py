@@ -287,17 +287,18 @@ def _further_searches(
     before = turning(by_length.found, job.thresholds)
     if before is None and by_length.has_longer(full):  # which has failed, for want of a term
         before = full
-    shapes = []
+    late = []
     if before is not None and before.unexplained_over(TURNING) <= job.thresholds.shape_motion:
-        shapes = [shape for shape in SOUGHT if not shape.is_in(full)]
         if full.structure.joint.remembered <= full.structure.absent:
             yield lambda _: fit_with_hysteresis(by_length, before, *rest)
-        for shape in shapes:
-            if shape is not TRANSMISSION:
-                yield partial(_with_shape, shape, by_length, before, job)
+        for shape in (shape for shape in SOUGHT if not shape.is_in(full)):
+            search = partial(_with_shape, shape, by_length, before, job)
+            if shape is TRANSMISSION:  # play is more common
+                late.append(search)
+            else:
+                yield search
     yield lambda chosen: _with_play(by_length, chosen, job)
-    if before is not None and TRANSMISSION in shapes:  # play is more common
-        yield partial(_with_shape, TRANSMISSION, by_length, before, job)
+    yield from late
 
 
 def _with_shape(

@@ -86,8 +86,7 @@ class SoughtShape:
 
     def visible_candidates(self, fitted: Fitted) -> list[float]:
         """Return the candidates of the constant that would be visible next to a fit without it."""
-        every = self.candidates(fitted.structure, fitted.data)
-        least = self.least(fitted) if every else 0.0  # without motion it may have no value
+        every, least = self.candidates(fitted.structure, fitted.data), self.least(fitted)
         return [value for value in every if value > least]
 
     def is_seen_in(self, fitted: Fitted) -> bool:

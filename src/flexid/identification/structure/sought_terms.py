@@ -56,8 +56,9 @@ _SLACK, _NEARLY_SLACK = 0.01, 0.1
 
 
 def _apart_in_number(joint: Joint, data: Data) -> float:
-    """Return the resolution of the periods per turn: one period over the whole motion."""
-    return 2.0 * np.pi / _range(joint, data)
+    """Return the resolution of the periods per turn: one over the whole motion, inf at rest."""
+    moved = _range(joint, data)
+    return 2.0 * np.pi / moved if moved > 0.0 else np.inf
 
 
 def _range(joint: Joint, data: Data) -> float:
@@ -68,8 +69,11 @@ def _range(joint: Joint, data: Data) -> float:
 
 def numbers(structure: Structure, data: Data) -> list[float]:
     """Return candidate numbers of a ripple's periods in a turn, by the motor's residuals."""
-    found = _few(structure, data)
-    return [*found, *_other(found, _all_peaks(structure, data, _MOTOR), structure, data)]
+    apart = _apart_in_number(structure.joint, data)
+    if not np.isfinite(apart):
+        return []
+    few = [number * apart for number in _FEW]
+    return _distinct([*few, *_all_peaks(structure, data, _MOTOR)], apart)
 
 
 def error_numbers(structure: Structure, data: Data) -> list[float]:
@@ -77,31 +81,24 @@ def error_numbers(structure: Structure, data: Data) -> list[float]:
 
     A peak may be the second harmonic.
     """
+    apart = _apart_in_number(structure.joint, data)
+    if not np.isfinite(apart):
+        return []
     peaks = _all_peaks(structure, data, _LINK)
-    return _other([], [number for peak in peaks for number in (peak, 0.5 * peak)], structure, data)
+    return _distinct([number for peak in peaks for number in (peak, 0.5 * peak)], apart)
 
 
-def _few(structure: Structure, data: Data) -> list[float]:
-    """Return numbers of periods in a turn, of which the whole motion has a few."""
-    apart = _apart_in_number(structure.joint, data) if _range(structure.joint, data) > 0.0 else 0.0
-    return [few * apart for few in _FEW] if apart else []
-
-
-def _other(
-    found: Sequence[float], more: Sequence[float], structure: Structure, data: Data
-) -> list[float]:
+def _distinct(numbers: Sequence[float], apart: float) -> list[float]:
     """Return the numbers that differ by more than half the resolution from all before."""
-    other: list[float] = []
-    apart = 0.5 * _apart_in_number(structure.joint, data) if more else 0.0
-    for number in more:
-        if all(abs(number - before) > apart for before in (*found, *other)):
-            other.append(number)
-    return other
+    found: list[float] = []
+    for number in numbers:
+        if all(abs(number - before) > 0.5 * apart for before in found):
+            found.append(number)
+    return found
 
 
 def _all_peaks(structure: Structure, data: Data, side: int) -> list[float]:
-    if not _range(structure.joint, data) > 0.0:
-        return []
+    """Return the peaks in a row's residuals with each filter of least squares."""
     return [peak for rate in _RATES for peak in _peaks(structure, data, rate, side)]
 
 
