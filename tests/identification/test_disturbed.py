@@ -382,6 +382,7 @@ def test_unusual_terms_that_are_likely_stay(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(disturbed, "eliminate", recorded)
     fit = CASES["play of 0.02 rad"].fit()
     assert "alpha_backlash" in fit.fitted.names
+    assert {term.name for term in fit.terms if term.kept} >= {"alpha_backlash"}
     assert asked
     assert all("alpha_backlash" in kept for kept in asked)
 

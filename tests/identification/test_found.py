@@ -189,6 +189,15 @@ def test_what_a_log_shows_is_found(name):
             assert estimate.verdict == "determined", parameter
 
 
+def test_a_needed_term_is_not_lost_to_few_blocks():
+    """Assert that friction stays whose value few blocks show; its test alone has no power."""
+    drive: dict[str, Any] = {**DRY, **STRIBECK}
+    found = identify([log(made(6, 12.0, **drive))])
+    assert found.choices.terms == (*PAPER_TERMS, "motor_coulomb", "motor_stribeck")
+    assert max(found.residual_excess.values()) < 1.1
+    assert found.parameters["motor_coulomb_friction"].value == pytest.approx(1.0, rel=1e-3)
+
+
 def test_evidence_is_given_for_each_term():
     """Assert evidence for kept and removed terms, and small intervals of removed ones."""
     found = identified_case("nothing more")

@@ -229,6 +229,8 @@ def test_fine_encoders_want_shorter_steps():
     found = by_length(FINE_NOISE)
     times = refinement(found[-1].problem, found[-1].minimum)
     assert times > 1
+    fine = fitting.in_own_steps(found[-1])
+    assert fitting.with_steps_refined([fine])[0].data.refinement == fine.data.refinement == times
     last = fitting.with_steps_refined(found)[-1]
     segments, states = last.problem.segments, last.minimum.point.initial_states
     fits = [

@@ -66,6 +66,14 @@ def test_play_and_hardening_are_distinguished(play: float, cubic: float):
     assert 0.05 < found.doubt == found.stiffer < 1.02 * found.start["theta2"] / without - 1.0
 
 
+def test_play_is_compared_with_all_terms_of_the_model():
+    """Assert that play does not get the credit of a transmission error in the model."""
+    errors: dict[str, Any] = {"transmission_number": 10.0, "transmission_error": 3e-3}
+    recording, widths = made(2, 10.0, size=0.3, **errors), {"error_number": 10.0}
+    found = gap.likely_play(*posed(recording, "transmission_error", widths=widths))
+    assert found is None or found.left > 0.99
+
+
 def test_a_link_that_no_spring_moves_has_no_play():
     """Assert that play is not tried if something other than the spring moves the link."""
     structure, own = posed(made(1, 10.0))

@@ -148,7 +148,9 @@ def test_what_has_to_stay_stays():
     structure, (evidence,) = eliminate(cast(Fitted, beside({"theta1": 0.1})), (), LIMITS)
     assert not {*BASE} & structure.absent
     assert (evidence.name, evidence.std) == ("theta1", pytest.approx(0.1))
-    assert left(beside({"alpha2": -0.1}), kept=("alpha2",)) == {"alpha2"}
+    structure, (evidence,) = eliminate(cast(Fitted, beside({"alpha2": -0.1})), ["alpha2"], LIMITS)
+    assert "alpha2" not in structure.absent
+    assert (evidence.name, evidence.kept, evidence.std) == ("alpha2", True, pytest.approx(0.1))
     assert left(beside(dict.fromkeys(GEAR, 0.0)), kept=GEAR[:1]) == {*GEAR}
     assert left(beside({"theta_offset[1]": 0.5, "theta_offset[2]": 10.0})) == {"theta_offset"}
 
@@ -382,6 +384,22 @@ def test_a_leaner_fit_that_lost_its_way_is_asked_over_shorter_segments(
     by_length = FitsByLength(found, (), free_length, ("cubic",), "", exact=True)
     choice = choice_module.choose_structure(by_length, (), False, lambda _: None)
     assert choice.fitted.duration == duration
+
+
+def test_a_leaner_fit_may_take_rough_steps(monkeypatch):
+    """Assert that a term goes although small steps fail without it."""
+    full = over(1, 1.0)
+    leaner = full.structure.without(["theta_viscous"])
+    for name, stub in (
+        ("leanest", lambda *_: (leaner, ())),
+        ("eliminate", lambda full, *_: (full.structure, ())),
+        ("settled", lambda fitted: fitted),
+        ("_rivals", lambda *_: ()),
+        ("fit_like", lambda own, _, *rough: over(1, 1.0, own) if rough else None),
+    ):
+        monkeypatch.setattr(choice_module, name, stub)
+    by_length = FitsByLength((full,), (), False, ("cubic",), "", exact=True)
+    assert choice_module.choose_structure(by_length, (), False, lambda _: None).structure is leaner
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,8 @@ from flexid.recording.units import EXAMPLES, UnitError, is_usual, scale_to_si
 USUAL = {
     "time": (
         *("t", "t_s", "Time_ms", "timestamp", "tout", "Zeit [s]", "Temps", "TIME_MS", "timeMs"),
-        *("elapsed_time_s", "millis", "seconds", "Zeitstempel", "Zeit in s", "时间(s)"),
+        *("elapsed_time_s", "millis", "seconds", "Zeitstempel", "Zeit in s", "时间(s)", "stamp"),
+        *("header.stamp", "header.stamp.nanosec"),
     ),
     "link_position": (
         *("q_l", "theta_link", "LoadAngle", "link angle", "q_link_deg", "q_link {deg}"),
@@ -108,6 +109,7 @@ NAMED: dict[str, dict[str, Any]] = {
     "stamps by another name": named("time") | {"when": STAMPS},
     "one encoder": {"time": TIME, "position": MOTOR, "velocity": SPEED, "torque": TORQUE},
     "one of a link": {"time": TIME, "link_position": LINK, "velocity": SPEED, "torque": TORQUE},
+    "two whole times": named("time") | {"stamp_s": TIME, "t_ns": 1e9 * TIME},
     "times in paths": named(time="out.position.Time") | {"out.link.Time": TIME},
     "a voltage of the q axis": named(time="Target", link_position="Voltage_q"),
     "metres": {"time": TIME, "position [m]": MOTOR, "current [A]": TORQUE},
@@ -124,6 +126,15 @@ NAMED: dict[str, dict[str, Any]] = {
 def test_names_of_columns(golden: Any) -> None:
     """Assert that recognised columns are reported, and that two for one channel are refused."""
     golden({name: said(read_columns, columns) for name, columns in NAMED.items()})
+
+
+def test_seconds_and_the_nanoseconds_beyond_them_are_one_time() -> None:
+    """Assert the time of ROS, to 10 ns although some 1.7e9 s have passed since its epoch."""
+    nanoseconds = np.round(1e9 * TIME).astype(np.int64) + 1_700_000_000_300_000_000
+    parts = dict(zip(("stamp_sec", "stamp_nanosec"), np.divmod(nanoseconds, 10**9), strict=True))
+    (recording,) = read_columns(named("time") | parts).recordings
+    assert recording.sample_time == pytest.approx(TIME[1] - TIME[0], abs=1e-8)
+    assert recording.motor_position == pytest.approx(MOTOR, abs=1e-7)
 
 
 GRAVITY = 9.80665  # m/s², standard gravity

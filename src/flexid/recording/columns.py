@@ -6,6 +6,8 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from flexid.errors import RecordingError
 from flexid.recording.names import (
     Usual,
@@ -164,6 +166,7 @@ class _Plan:
         added: dict[str, Recipe] = {}
         for name in SI_UNITS:
             columns = [] if name in skipped else candidates.get(name, [])
+            columns = self._seconds_and_fraction(columns) if name == "time" else columns
             if len(columns) > 1:
                 raise self._refusal(
                     f"{quoted(column.header for column in columns)} could each be {name}: "
@@ -186,6 +189,17 @@ class _Plan:
             self.warnings.append(
                 f"taken by name: {shown}; check it, or define the columns in a column map"
             )
+
+    def _seconds_and_fraction(self, columns: list[Recipe]) -> list[Recipe]:
+        """Return one recipe for whole seconds and the nanoseconds beyond them, as ROS has them."""
+        by_unit = {one.unit: one for one in columns}
+        if len(columns) != 2 or by_unit.keys() != {"s", "ns"}:
+            return columns
+        whole, beyond = (self.table.numbers(by_unit[unit].header) for unit in ("s", "ns"))
+        if np.any(whole % 1.0) or not np.all((beyond >= 0.0) & (beyond < 1e9)):
+            return columns
+        weights = {by_unit["s"].header: 1.0, by_unit["ns"].header: 1e-9}
+        return [by_unit["s"]._replace(weights=weights)]
 
     def _candidates(self) -> dict[str, list[Recipe]]:
         """Columns of one joint, by the channel that their common names indicate."""

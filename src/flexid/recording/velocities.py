@@ -15,6 +15,11 @@ from flexid.recording.recording import Draft, Rank, Recording
 DEGREE = 5  # of the local polynomials
 ORDER = 8  # of the differences that separate noise from motion
 BLOCK = 64  # samples per local estimate of the noise
+# Degrees of freedom of such an estimate. Differences of white noise are correlated; the sum of
+# their squared autocorrelation is C(4n, 2n) / C(2n, n)² at the order n.
+_FREEDOM = BLOCK * comb(2 * ORDER, ORDER) ** 2 / comb(4 * ORDER, 2 * ORDER)
+# Median over mean of such estimates: Wilson and Hilferty, PNAS 17 (1931), on chi-squared.
+_MEDIAN = (1.0 - 2.0 / (9.0 * _FREEDOM)) ** 3
 WINDOW_RATIO = 1.25  # between one candidate half-window and the next
 FEWEST_BLOCKS = 10  # blocks whose means distinguish motion from noise
 LAGS = 10  # samples: lags at which a sampled resonance is correlated
@@ -59,7 +64,7 @@ def position_noise(position: FloatArray) -> float:
     squares = np.diff(position, ORDER) ** 2 / comb(2 * ORDER, ORDER)
     edges = np.linspace(0, len(squares), max(1, len(squares) // BLOCK) + 1).astype(np.int64)
     means = np.add.reduceat(squares, edges[:-1]) / np.diff(edges)
-    return max(sqrt(float(np.median(means))), encoder_step(position) / sqrt(12.0))
+    return max(sqrt(float(np.median(means)) / _MEDIAN), encoder_step(position) / sqrt(12.0))
 
 
 def while_moving(positions: Sequence[FloatArray]) -> slice:

@@ -21,6 +21,7 @@ from flexid.identification.full_model.fitting import (
     fit_by_length,
     fit_from,
     fit_like,
+    in_own_steps,
     in_part,
     lengths,
     longer_fits,
@@ -263,6 +264,8 @@ def with_best_hold(
     if len(holds) == 1:
         refined = with_steps_refined(found)
         return FitsByLength(refined, tuple(divisions), free_length, tuple(holds), "as given")
+    if not known and found[-1].excess > thresholds.sensor_excess:
+        found = [*found[:-1], in_own_steps(found[-1])]  # errors of coarse steps may hide the hold
     best, reason, tied = known or best_hold(found[-1], holds, thresholds)
     # If a model explains the log, only its longest segments matter.
     explained = best.converged and best.excess <= thresholds.sensor_excess

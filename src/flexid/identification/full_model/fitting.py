@@ -191,7 +191,9 @@ def over_longer(fitted: Fitted[M], segments: Segments, steps: Steps) -> Fitted[M
 def with_steps_refined(found: Sequence[Fitted]) -> tuple[Fitted, ...]:
     """Return the fits with the refinement of integration steps that the last of them needs."""
     last = found[-1]
-    finer = refinement(last.problem, last.minimum)
+    usual = last.problem.at(last.minimum.point, last.problem.weights).substeps
+    finer = last.problem.substeps * refinement(last.problem, last.minimum) // usual
+    finer = min(max(1, finer), MOST)
     return tuple(replace(fit, data=replace(fit.data, refinement=finer)) for fit in found)
 
 

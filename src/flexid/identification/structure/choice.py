@@ -87,8 +87,9 @@ def choose_structure(
     structure, evidence = leanest(wider, kept, thresholds)
     fitted_as = best.structure  # a fit's structure has its values as start values
     for _ in range(_ROUNDS):
-        # A leaner structure may fit longer segments, which show more.
-        leaner = fit_like(structure, wider)
+        # A leaner structure may fit longer segments, which show more. Small steps may fail on the
+        # rough sum of squares of dry friction.
+        leaner = fit_like(structure, wider) or fit_like(structure, wider, ROUGH)
         if leaner is None:
             break
         found = [leaner, *by_length.longer(leaner, thresholds)]
@@ -104,11 +105,15 @@ def choose_structure(
     fitted = best if fitted_as is structure else fit_like(structure, best)
     fitted, gone = _until_stable(fitted, structure, kept, thresholds)
     fitted, evidence = fitted or best, latest(evidence, gone)
-    if explained and shorter and fitted.excess > thresholds.sensor_excess:
-        # A needed term was lost, or a rough sum of squares misled the fit. Shorter segments are
-        # less rough.
-        fewer = replace(by_length, found=shorter)
-        return choose_structure(fewer, kept, with_shapes, progress, thresholds)
+    if explained and fitted.excess > thresholds.sensor_excess:
+        # A needed term was lost: with few independent blocks, chance may give any value.
+        asked_for = by_length.found[-1].structure
+        lost = (asked_for.joint.shapes - asked_for.absent) & fitted.structure.absent - {*kept}
+        if lost:
+            return choose_structure(by_length, {*kept, *lost}, with_shapes, progress, thresholds)
+        if shorter:  # or a rough sum of squares misled the fit; that of shorter segments is less so
+            fewer = replace(by_length, found=shorter)
+            return choose_structure(fewer, kept, with_shapes, progress, thresholds)
     if fitted.structure.timing.hold != wider.structure.timing.hold:
         asked = by_length
     as_settled = settled(fitted)

@@ -108,6 +108,7 @@ def eliminate(
     # A delay of the link's encoder looks like its friction, which every drive has.
     unusual = {*joint.shapes, LINK}
     groups, may_go = _groups(full, kept)
+    told = _groups(full, ())[1]  # evidence is given on terms that stay, too
     quadratic = _Quadratic.of(full)
     left = np.ones(len(names), dtype=np.bool_)
     tests: dict[str, TermEvidence] = {}
@@ -126,7 +127,7 @@ def eliminate(
                 names[i], True, float(values[i]), float(deviations[i]), float(chance[i])
             )
             for i in np.flatnonzero(left)
-            if may_go[i]
+            if told[i]
         }
         if not candidates:
             break

@@ -380,12 +380,18 @@ def _by_rate(
 ) -> Iterator[tuple[_PlayStart, tuple[dict[str, float], LeastSquaresFit]]]:
     """Yield least squares with play, for each filter that finds play, and without play."""
     middle = float(np.mean(structure.joint.deflections(data.samples)))
+    without = _with_all_terms(without)
     for rate in RATES:
         rival = least_squares_start(without, data, rate)
         for centre in dict.fromkeys((_centre_of(structure), middle)):
             played = _with_consistent_width(structure, data, rate, centre)
             if _gap_of(played[1]) > 0.0:
                 yield played, rival
+
+
+def _with_all_terms(structure: Structure) -> Structure:
+    """Return the structure whose least squares also covers its less usual terms."""
+    return replace(structure, joint=structure.joint.with_shapes_in_least_squares)
 
 
 def _with_consistent_width(
@@ -397,8 +403,7 @@ def _with_consistent_width(
     """
     own, tried = as_wide(structure, width_of(structure), centre), 0
     while True:
-        sought = replace(own, joint=own.joint.with_shapes_in_least_squares)
-        start, fit = least_squares_start(sought, data, rate)
+        start, fit = least_squares_start(_with_all_terms(own), data, rate)
         gap, width, tried = _gap_of(start), width_of(own), tried + 1
         off = _torque_free(start) - _centre_of(own) if centre else 0.0
         apart = max(abs(gap - width), abs(off))

@@ -199,7 +199,8 @@ def fit_requested_shape(
         promising = [*_promising(shape, before, wider)]
         if not promising:
             raise ConvergenceError(
-                "prediction error", f"nothing moves that would show {shape.words}: drop the term"
+                "prediction error",
+                f"the motion is too small for {shape.words}: log more motion or drop the term",
             )
         promise, structure = max(promising, key=itemgetter(0))
         data, segments = before.data, [before.problem.segments]
