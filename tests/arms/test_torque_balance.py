@@ -37,7 +37,8 @@ def rates(
     """Return the rates of the states, with all rows sliding."""
     found = np.empty(len(x))
     constants = np.array(list(planar_arm(arm).constants.values()))
-    functions["state_rates"](x, u, np.where(x[1::2] < 0.0, -1.0, 1.0), p, constants, found)
+    modes, no_blocks = np.where(x[1::2] < 0.0, -1.0, 1.0), np.zeros(0)
+    functions["state_rates"](x, u, modes, p, constants, no_blocks, found)
     return found
 
 

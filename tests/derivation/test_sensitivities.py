@@ -167,7 +167,16 @@ TWO_MEMORIES = ParametricSystem(
 COSTLY = ParametricSystem(
     "costly", (Row("mass", "q", "v", {"stop": "tanh(q)", "gain": "u"}, known="-exp(v)"),)
 )
-SYSTEMS = {**ALL, "jumps": JUMPS, "two memories": TWO_MEMORIES, "costly": COSTLY}
+RIPPLES = ParametricSystem(
+    "ripples",
+    (
+        Row("link", "x", "v", {"spring": "y - x", "gravity": "-sin(x)", "fine": "cos(n*y)"}),
+        Row("motor", "y", "w", {"sine": "sin(n*y)", "cosine": "cos(n*y)", "coarse": "tanh(y)"}),
+    ),
+    nonlinear=("n",),
+)
+SYSTEMS = {**ALL, "jumps": JUMPS, "two memories": TWO_MEMORIES}
+SYSTEMS |= {"costly": COSTLY, "ripples": RIPPLES}
 
 
 @pytest.fixture
@@ -199,11 +208,27 @@ def columns_of(system):
     return first + np.arange(k), first + k
 
 
+def acting(functions, p, at):
+    """Return the marks of the blocks of terms: 2 if they act, 1 if they are sought."""
+    on = np.zeros(functions["N_BLOCKS"])
+    functions["acting"](p, at, on)
+    return on
+
+
+def rates_of(functions, x, u, modes, p, c):
+    """Return x' with the terms whose coefficients are not zero."""
+    rates = np.empty_like(x)
+    on = acting(functions, p, np.zeros(len(p), dtype=np.int64))
+    functions["state_rates"](x, u, modes, p, c, on, rates)
+    return rates
+
+
 def slopes_of(functions, system, x, u, du, modes, p, c, at, delay):
     """Return derivatives of the rates of velocities and memories by states and parameters."""
     n = len(system.rows) + len(system.memories)
     a, r = np.zeros(n * len(x)), np.zeros(n * functions["WIDTH"])
-    functions["slopes"](x, u, du, modes, p, c, at, delay, a, r)
+    on = acting(functions, p, at)
+    functions["slopes"](x, u, du, modes, p, c, on, at, delay, a, r)
     return a.reshape(n, len(x)), r.reshape(n, functions["WIDTH"])
 
 
@@ -212,9 +237,9 @@ def test_rates_are_the_model_s(plain, name):
     """Assert that x' equals the right-hand side used by all other kernels."""
     system = SYSTEMS[name]
     x, u, modes, p, c = drawn(system, 11)
-    rates, expected = np.empty_like(x), np.empty_like(x)
-    plain(sensitivity_functions(system, "Test"))["state_rates"](x, u, modes, p, c, rates)
+    expected = np.empty_like(x)
     plain(plain_model(system))["right_hand_side"](x, u, p, c, expected)
+    rates = rates_of(plain(sensitivity_functions(system, "Test")), x, u, modes, p, c)
     assert rates == pytest.approx(expected, rel=1e-12)
 
 
@@ -245,8 +270,7 @@ def test_costly_functions_are_called_where_they_are_needed(plain, stop):
     functions["tanh"] = lambda z: calls.append("tanh") or np.tanh(z)
     x, u, modes, p, c = drawn(COSTLY, 12)
     p[0] = stop
-    rates = np.empty_like(x)
-    functions["state_rates"](x, u, modes, p, c, rates)
+    rates = rates_of(functions, x, u, modes, p, c)
     assert calls.count("tanh") == (stop != 0.0)
     assert rates[1] == pytest.approx(stop * np.tanh(x[0]) + p[1] * u[0] - np.exp(x[1]))
     for column, needed in ((0, stop != 0.0), (3, True)):
@@ -259,12 +283,32 @@ def test_costly_functions_are_called_where_they_are_needed(plain, stop):
             assert r[0, column] == pytest.approx(np.tanh(x[0]))
 
 
+def test_terms_with_common_functions_are_computed_together(plain):
+    """Assert one block for each group of such terms, which acts if any coefficient does."""
+    functions = plain(sensitivity_functions(RIPPLES, "Test"))
+    p = drawn(RIPPLES, 16)[3]
+    places = {name: place for place, name in enumerate(RIPPLES.coefficients)}
+    nowhere = np.zeros(len(p), dtype=np.int64)
+    for name in ("fine", "sine", "cosine", "coarse"):
+        p[places[name]] = 0.0
+    assert acting(functions, p, nowhere).tolist() == [0.0, 0.0]
+    for name, block in {"fine": 0, "cosine": 0, "coarse": 1}.items():
+        used, at = p.copy(), nowhere.copy()
+        used[places[name]], at[places[name]] = 1.0, 5
+        expected = np.eye(2)[block]
+        assert (acting(functions, used, nowhere) == 2.0 * expected).all()
+        assert (acting(functions, used, at) == 2.0 * expected).all()
+        assert (acting(functions, p, at) == expected).all()
+    at = nowhere.copy()
+    at[places["n"]] = 5
+    assert acting(functions, p, at).tolist() == [1.0, 0.0]
+
+
 def step_of(functions, system, x, u, modes, p, c, h):
     """Return the stages of a Runge-Kutta step of order 4, and its end."""
     stages, end = [x], x.copy()
     for weight, reach in ((1 / 6, 0.5), (1 / 3, 0.5), (1 / 3, 1.0), (1 / 6, 0.0)):
-        rates = np.empty_like(x)
-        functions["state_rates"](stages[-1], u, modes, p, c, rates)
+        rates = rates_of(functions, stages[-1], u, modes, p, c)
         end += weight * h * rates
         stages.append(x + reach * h * rates)
         functions["remember"](stages[-1], x, p)

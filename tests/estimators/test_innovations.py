@@ -11,7 +11,7 @@ from noisy_joint import holding
 from scipy.linalg import LinAlgError, expm, solve_discrete_are
 
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.innovations import Innovations, _Likelihood, fit_innovations
+from flexid.estimators.innovations import Innovations, _costs, _Likelihood, fit_innovations
 from flexid.estimators.prediction_error import described
 from flexid.estimators.samples import Samples, divide
 from flexid.estimators.segmented_motion import (
@@ -272,6 +272,21 @@ def test_spectra_tell_what_other_sizes_cost(other: Sizes):
     expected = made.with_sizes(other).cost - first.cost
     assert expected > 50.0
     assert cost(other) - cost(SIZES) == pytest.approx(expected, rel=0.05)
+
+
+def test_costs_of_many_sizes_are_those_of_each():
+    """Assert equal costs together and one by one, and the worst cost for sizes that fail alone."""
+    samples = disturbed_samples(7, 3000)
+    made = _Likelihood.of(motion(samples), AT_REST, still(samples))
+    first = made.with_sizes(SIZES)
+    assert first.motion is not None
+    cost = cost_by_spectra(first.motion, SIZES, first.residuals, made.transitions)
+    points = SIZES.numbers + 0.1 * np.random.default_rng(8).standard_normal((5, 7))
+    each = [float(cost(Sizes.of(point, 2))) for point in points]
+    assert _costs(cost, 2, points).tolist() == each
+    points[3, 0] = -800.0  # a sensor without noise
+    each[3] = 1e15
+    assert _costs(cost, 2, points).tolist() == each
 
 
 def test_sizes_are_unbounded_numbers():

@@ -7,8 +7,9 @@ from typing import cast
 import sympy as sp
 
 from flexid.derivation.model_functions import module_header
-from flexid.derivation.source import assignments, function, print_scalar, unpack
+from flexid.derivation.source import function, print_scalar, unpack
 from flexid.derivation.symbolic import SymbolicMemory, SymbolicSystem, derivative, symbolic_system
+from flexid.derivation.term_blocks import ACTING, SOUGHT, Blocks, Entries, divided
 from flexid.models.parametric_system import ParametricSystem
 
 # With x' = f(x, u, p), the derivatives by the state s at the start of a segment and by p obey
@@ -22,20 +23,21 @@ from flexid.models.parametric_system import ParametricSystem
 KNOWN = -1  # marks in ``DRY`` a known part with dry friction, which has no coefficient
 
 _TOGETHER = 8  # largest number of columns per instruction
-_CHEAP = (sp.sin, sp.cos, sp.Abs, sp.sign)  # functions compiled without a call
 
 
 def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
     """Return the header, ``WIDTH``, ``DRY`` and the functions of the state and its derivatives."""
     symbolic = _with_modes(symbolic_system(system))
-    width = width_of(len(symbolic.states), len(symbolic.coefficients), len(symbolic.rows))
+    blocks = divided(symbolic)
     parts = (
-        f"N_MEMORIES = {len(symbolic.memories)}\nWIDTH = {width}\n",
+        f"N_MEMORIES = {len(symbolic.memories)}\nN_BLOCKS = {len(blocks.optional)}\n",
+        f"WIDTH = {_width(symbolic)}\n",
         _dry(symbolic),
-        _rates(symbolic),
+        blocks.acting(),
+        _rates(blocks),
         _corners(symbolic),
         _remember(symbolic),
-        _slopes(symbolic),
+        _slopes(blocks),
         _memory_slopes(symbolic),
         variation(
             [list(jacobian) for _, jacobian in _equations(symbolic)[: len(symbolic.rows)]],
@@ -79,6 +81,10 @@ def width_of(states: int, coefficients: int, rows: int) -> int:
     return _TOGETHER * -(-columns // _TOGETHER)
 
 
+def _width(symbolic: SymbolicSystem) -> int:
+    return width_of(len(symbolic.states), len(symbolic.coefficients), len(symbolic.rows))
+
+
 def _variables(symbolic: SymbolicSystem) -> tuple[str, ...]:
     return (
         unpack("_x", symbolic.states),
@@ -89,15 +95,21 @@ def _variables(symbolic: SymbolicSystem) -> tuple[str, ...]:
     )
 
 
-def _rates(symbolic: SymbolicSystem) -> str:
-    targets = [f"_dx[{place}]" for place in range(len(symbolic.states))]
-    costly, rates = _conditional_calls(symbolic, symbolic.right_hand_side, "_p[{0}] != 0.0")
+def _rates(blocks: Blocks) -> str:
+    velocities = [row.velocity for row in blocks.whole.rows]
+
+    def entries(part: SymbolicSystem) -> tuple[Entries, Entries]:
+        rates = {f"_dx[{2 * j + 1}]": row.acceleration for j, row in enumerate(part.rows)}
+        first = 2 * len(part.rows)
+        memories = {f"_dx[{first + m}]": memory.rate for m, memory in enumerate(part.memories)}
+        return rates | memories, {}
+
     return function(
-        "state_rates(_x, _u, _m, _p, _c, _dx)",
-        "_dx = x' for modes _m, coefficients _p and constants _c.  # Huang (2003), eq. (1)",
-        *_variables(symbolic),
-        costly,
-        assignments(targets, rates),
+        "state_rates(_x, _u, _m, _p, _c, _on, _dx)",
+        "_dx = x' for modes _m, coefficients _p, constants _c.  # Huang (2003), eq. (1)",
+        *_variables(blocks.whole),
+        "\n".join(f"    _dx[{2 * j}] = {velocity}" for j, velocity in enumerate(velocities)),
+        blocks.lines(ACTING, entries),
         decorator="inlined",
     )
 
@@ -107,6 +119,7 @@ def _corners(symbolic: SymbolicSystem) -> str:
     known = {*symbolic.constants, *symbolic.coefficients}
     found = {call for e in symbolic.right_hand_side for call in e.atoms(sp.Abs)}
     own = [call for call in found if call.args[0].free_symbols <= positions | known]
+    used = {name for call in own for name in call.free_symbols}
     lines = []
     for i, call in enumerate(sorted(own, key=sp.default_sort_key)):
         users = _coefficients_using(symbolic, call)
@@ -117,51 +130,22 @@ def _corners(symbolic: SymbolicSystem) -> str:
     text = function(
         "corners(_x, _p, _c, _k)",
         "_k = functions of positions in _x that are zero at the corners of x'.",
-        unpack("_x", symbolic.states),
-        unpack("_p", symbolic.coefficients),
-        unpack("_c", symbolic.constants),
+        unpack("_x", symbolic.states, used),
+        unpack("_p", symbolic.coefficients, used),
+        unpack("_c", symbolic.constants, used),
         "\n".join(lines) or "    pass",
         decorator="inlined",
     )
     return f"N_CORNERS = {len(own)}\n\n\n{text}"
 
 
-def _conditional_calls(
-    symbolic: SymbolicSystem, expressions: Sequence[sp.Expr], needed: str
-) -> tuple[str, list[sp.Expr]]:
-    """Lines that compute costly functions only if needed, and expressions with their names."""
-    found = {f for e in expressions for f in e.atoms(sp.Function) if not isinstance(f, _CHEAP)}
-    names = {
-        f: sp.Symbol(f"_f{i}", real=True)
-        for i, f in enumerate(sorted(found, key=sp.default_sort_key))
-    }
-    lines = []
-    for call, name in names.items():
-        users = _coefficients_using(symbolic, call)
-        value = print_scalar(call)
-        if users is not None:
-            value += f" if {' or '.join(needed.format(i) for i in users)} else 0.0"
-        lines.append(f"    {name} = {value}")
-    return "\n".join(lines), [cast(sp.Expr, e.xreplace(names)) for e in expressions]
-
-
 def _coefficients_using(symbolic: SymbolicSystem, call: sp.Basic) -> list[int] | None:
     """Indices of the coefficients whose terms contain a call; None if other terms contain it."""
-    users = set()
-    for rate, jacobian in _equations(symbolic):
-        for expression in (rate, *jacobian.values()):
-            if not expression.has(call):
-                continue
-            own = {
-                i
-                for i, coefficient in enumerate(symbolic.linear)
-                if sp.diff(expression, coefficient).has(call)
-            }
-            off = {symbolic.linear[i]: sp.S.Zero for i in own}
-            if expression.xreplace(off).has(call):
-                return None
-            users |= own
-    return sorted(users)
+    others = [row.known for row in symbolic.rows] + [memory.rate for memory in symbolic.memories]
+    if any(other.has(call) for other in others):
+        return None
+    regressors = [r for row in symbolic.rows for r in row.regressor]
+    return [place for place, regressor in enumerate(regressors) if regressor.has(call)]
 
 
 def _path_slopes(symbolic: SymbolicSystem, memory: SymbolicMemory) -> dict[int, float]:
@@ -237,35 +221,30 @@ def _equations(symbolic: SymbolicSystem) -> list[tuple[sp.Expr, dict[int, sp.Exp
     return [(rate, derivatives(rate)) for rate in rates]
 
 
-def _slopes(symbolic: SymbolicSystem) -> str:
-    targets: list[str] = []
-    expressions: list[sp.Expr] = []
-    delayed = []
-    for j, (rate, jacobian) in enumerate(_equations(symbolic)):
-        targets += [f"_a[{j} * N_STATES + {place}]" for place in jacobian]
-        expressions += jacobian.values()
-        for i, coefficient in enumerate(symbolic.coefficients):
-            if rate.has(coefficient):
-                targets.append(f"_r[{j} * WIDTH + _at[{i}]]")
-                expressions.append(derivative(rate, coefficient))
-        gains = {i: derivative(rate, u) for i, u in enumerate(symbolic.inputs) if rate.has(u)}
-        if gains:
-            targets += [f"_g{j}_{i}" for i in gains]
-            expressions += gains.values()
-            products = [f"_g{j}_{i} * _du[{i}]" for i in gains]
-            delayed.append(f"        _r[{j} * WIDTH + _delay] = {' + '.join(products)}")
-    needed = "_p[{0}] != 0.0 or _at[{0}] > 0"
-    costly, expressions = _conditional_calls(symbolic, expressions, needed)
+def _slopes(blocks: Blocks) -> str:
     return function(
-        "slopes(_x, _u, _du, _m, _p, _c, _at, _delay, _a, _r)",
+        "slopes(_x, _u, _du, _m, _p, _c, _on, _at, _delay, _a, _r)",
         "Derivatives of the rates of velocities and memories: _a by the states, _r by the rest.",
-        *_variables(symbolic),
-        costly,
-        assignments(targets, expressions),
-        "    if _delay:",
-        "\n".join(delayed) or "        pass",
+        *_variables(blocks.whole),
+        blocks.lines(SOUGHT, _slope_entries),
         decorator="inlined",
     )
+
+
+def _slope_entries(part: SymbolicSystem) -> tuple[Entries, Entries]:
+    """Entries to which several terms contribute, and those of one coefficient."""
+    n, width = len(part.states), _width(part)
+    sums, own = {}, {}
+    for j, (rate, jacobian) in enumerate(_equations(part)):
+        sums |= {f"_a[{j * n + place}]": slope for place, slope in jacobian.items()}
+        for i, coefficient in enumerate(part.coefficients):
+            if rate.has(coefficient):
+                own[f"_r[{j * width} + _at[{i}]]"] = derivative(rate, coefficient)
+        gains = {i: derivative(rate, u) for i, u in enumerate(part.inputs) if rate.has(u)}
+        if gains:  # in column 0, which is unused, without a delay
+            products = (gain * sp.Symbol(f"_du[{i}]") for i, gain in gains.items())
+            sums[f"_r[{j * width} + _delay]"] = sp.Add(*products)
+    return sums, own
 
 
 def variation(patterns: Sequence[Sequence[int]], paths: Sequence[Sequence[int]] = ()) -> str:

@@ -1,6 +1,6 @@
 """SymPy expressions as scalar, CSE-reduced Python source for numba."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
@@ -70,9 +70,13 @@ def assignments(
     return "\n".join(indent + line for line in lines or ["pass"])
 
 
-def unpack(array: str, symbols: Sequence[sp.Symbol]) -> str:
-    """Return lines that read symbols from consecutive entries of an array."""
-    return "\n".join(f"    {name} = {array}[{place}]" for place, name in enumerate(symbols))
+def unpack(
+    array: str, symbols: Sequence[sp.Symbol], used: Collection[sp.Basic] | None = None
+) -> str:
+    """Return lines that read symbols, or only those used, from consecutive entries of an array."""
+    wanted = symbols if used is None else used
+    lines = (f"    {name} = {array}[{i}]" for i, name in enumerate(symbols) if name in wanted)
+    return "\n".join(lines)
 
 
 CALLED_IMPORTS = f"""{IMPORTS}

@@ -15,8 +15,9 @@ from flexid.derivation.symbolic import symbol, to_sympy
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
 
-# Functions for memories and corners, which a torque balance does not have.
+# Functions for blocks of terms, corners and memories, which a torque balance does not have.
 _UNUSED = (
+    "acting(_p, _at, _on)",
     "corners(_x, _p, _c, _k)",
     "remember(_x, _start, _p)",
     "memory_slopes(_x, _start, _p, _at, _b, _q)",
@@ -164,7 +165,7 @@ def balance_functions(balance: TorqueBalance) -> str:
     width = width_of(len(balance.states), len(balance.coefficients), len(balance.rows))
     parts = (
         module_header(cast(ParametricSystem, balance), "Segmented prediction error"),
-        f"N_MEMORIES = 0\nN_CORNERS = 0\nWIDTH = {width}\n",
+        f"N_MEMORIES = 0\nN_BLOCKS = 0\nN_CORNERS = 0\nWIDTH = {width}\n",
         f"DRY = {symbolic.dry!r}\n",
         _rates(symbolic),
         *(function(head, "Do nothing.", "    pass", decorator="inlined") for head in _UNUSED),
@@ -213,7 +214,7 @@ def _rates(symbolic: SymbolicBalance) -> str:
         for i, row in enumerate(balance.rows)
     ]
     return function(
-        "state_rates(_x, _u, _m, _p, _c, _dx)",
+        "state_rates(_x, _u, _m, _p, _c, _on, _dx)",
         "_dx = x' for modes _m, parameters _p and constants _c.",
         *_variables(balance),
         *_solved(symbolic),
@@ -253,7 +254,7 @@ def _slopes(symbolic: SymbolicBalance) -> str:
     column = {row: slope for row, slope in enumerate(delayed) if slope != 0}
     solve(column, "d", "_r[{} * WIDTH + _delay]")  # in column 0, which is unused, without a delay
     return function(
-        "slopes(_x, _u, _du, _m, _p, _c, _at, _delay, _a, _r)",
+        "slopes(_x, _u, _du, _m, _p, _c, _on, _at, _delay, _a, _r)",
         "Derivatives of the accelerations: _a by the states, _r by the rest.",
         *_variables(balance),
         *_solved(symbolic),

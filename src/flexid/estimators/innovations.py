@@ -1,5 +1,6 @@
 """Fit of innovations: the motion of a disturbed model, predicted sample by sample."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -12,7 +13,6 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.prediction_error import Minimum, minimise
 from flexid.estimators.segmented_motion import RESTING, Observer, Point, SegmentedMotion
 from flexid.estimators.steady_gains import (
-    WORST,
     Sizes,
     cost_by_spectra,
     steady_gains,
@@ -23,6 +23,8 @@ _ROUNDS = (4, 2)  # alternations of sizes and coefficients: from first guesses, 
 STEPS = (8, 30)  # largest number of slow Gauss-Newton steps: in each round, in the last round
 _SEARCHES = 3  # largest number of searches for sizes, by spectra, in each round
 _ITERATIONS = 30  # largest number of iterations of each search
+_STEP = 1e-8  # of a size's number, for differences of the cost
+_WORST = 1e15  # cost where the computation fails: finite, because costs are subtracted
 _LEAST_FALL = 1.0  # of the cost: a smaller fall in an iteration ends a search
 _LEAST_GAIN = 10.0  # of the cost: after a search with a smaller gain, no other follows
 _FINE = 0.03  # length of a step, in standard deviations, that ends a fit
@@ -201,7 +203,7 @@ class _Likelihood:
                 for transition, step in zip(self.transitions, steps.tolist(), strict=True)
             ]
         except (LinAlgError, ValueError):
-            return _Observed(WORST, None, segments.outputs, 0.0)
+            return _Observed(_WORST, None, segments.outputs, 0.0)
         entropy = sum(float(count @ own[4]) for count, own in zip(self.counts, made, strict=True))
         gain, disturbed, decay, whitening = (
             np.array([own[i] for own in made])[segments.places] for i in range(4)
@@ -210,7 +212,7 @@ class _Likelihood:
         motion = replace(self.problem, observer=observer)
         equations = motion.equations(self.point, "nothing")
         if not np.isfinite(equations.cost):
-            return _Observed(WORST, None, equations.residuals, entropy)
+            return _Observed(_WORST, None, equations.residuals, entropy)
         return _Observed(equations.cost + entropy, motion, equations.residuals, entropy)
 
     def maximise(self, sizes: Sizes, bounds: tuple[FloatArray, FloatArray]) -> Sizes:
@@ -232,22 +234,14 @@ class _Likelihood:
 
     def _search(self, sizes: Sizes, bounds: tuple[FloatArray, FloatArray]) -> tuple[Sizes, float]:
         """Return the likeliest sizes and their cost, from given ones."""
-        from scipy.optimize import minimize  # imported here: it takes a third of a second
-
         n = len(sizes.sensors)
         best = self.with_sizes(sizes)
         for _ in range(_SEARCHES):
             if best.motion is None:
                 break
             cost = cost_by_spectra(best.motion, sizes, best.residuals, self.transitions)
-            found = minimize(
-                lambda x, cost=cost: cost(Sizes.of(x, n)),
-                np.clip(sizes.numbers, *bounds),
-                method="L-BFGS-B",
-                bounds=np.column_stack(bounds),
-                options={"maxiter": _ITERATIONS, "ftol": _LEAST_FALL / max(abs(best.cost), 1.0)},
-            )
-            other = Sizes.of(found.x, n)
+            fall = _LEAST_FALL / max(abs(best.cost), 1.0)
+            other = Sizes.of(_cheapest(cost, n, sizes.numbers, bounds, fall), n)
             seen = self.with_sizes(other)
             gain = best.cost - seen.cost
             if gain > 0.0:
@@ -255,3 +249,46 @@ class _Likelihood:
             if gain < _LEAST_GAIN:
                 break
         return sizes, best.cost
+
+
+def _cheapest(
+    cost: Callable[[Sizes], FloatArray],
+    rows: int,
+    start: FloatArray,
+    bounds: tuple[FloatArray, FloatArray],
+    fall: float,  # relative fall of the cost that ends the search
+) -> FloatArray:
+    """Return the numbers of the sizes of least cost, from a start."""
+    from scipy.optimize import minimize  # imported here: it takes a third of a second
+
+    numbers = np.clip(start, *bounds)
+    free = np.flatnonzero(bounds[0] != bounds[1])
+
+    def with_gradient(x: FloatArray) -> tuple[float, FloatArray]:
+        """Cost and its forward differences; the points are computed together, which is faster."""
+        numbers[free] = x
+        points = np.tile(numbers, (1 + len(free), 1))
+        moved = np.arange(len(free)) + 1, free
+        points[moved] += np.where(x + _STEP > bounds[1][free], -_STEP, _STEP)
+        costs = _costs(cost, rows, points)
+        return float(costs[0]), (costs[1:] - costs[0]) / (points[moved] - x)
+
+    numbers[free] = minimize(
+        with_gradient,
+        numbers[free],
+        method="L-BFGS-B",
+        jac=True,
+        bounds=np.column_stack(bounds)[free],
+        options={"maxiter": _ITERATIONS, "ftol": fall},
+    ).x
+    return numbers
+
+
+def _costs(cost: Callable[[Sizes], FloatArray], rows: int, points: FloatArray) -> FloatArray:
+    """Return the cost at each point, (n_points,), and `_WORST` where the computation fails."""
+    try:
+        return cost(Sizes.of(points, rows))
+    except (LinAlgError, ValueError):
+        if len(points) == 1:
+            return np.array([_WORST])
+        return np.concatenate([_costs(cost, rows, point[None]) for point in points])

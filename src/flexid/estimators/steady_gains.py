@@ -16,7 +16,7 @@ _STEADY = 1e-10  # relative change of a covariance by the last doubling
 
 @dataclass(frozen=True, eq=False)
 class Sizes:
-    """Sizes of sensor noise and of the rows' disturbances.
+    """Sizes of sensor noise and of the rows' disturbances; arrays may have leading axes.
 
     An error of a spring's torque acts on link and motor in opposite directions, so the white noise
     that drives the disturbances of such a pair of rows is correlated.
@@ -29,8 +29,9 @@ class Sizes:
 
     @classmethod
     def of(cls, numbers: FloatArray, rows: int) -> "Sizes":
-        """Return the sizes with some `numbers`."""
-        sensors, disturbances, rates, correlations = np.split(numbers, [rows, 2 * rows, 3 * rows])
+        """Return the sizes with some `numbers`, (..., n_numbers)."""
+        parts = np.split(numbers, [rows, 2 * rows, 3 * rows], axis=-1)
+        sensors, disturbances, rates, correlations = parts
         return cls(np.exp(sensors), np.exp(disturbances), np.exp(rates), np.tanh(correlations))
 
     @property
@@ -40,13 +41,14 @@ class Sizes:
         return np.append(sizes, np.arctanh(self.correlations))
 
     def covariance(self, shares: FloatArray) -> FloatArray:
-        """Return the covariance, (n_rows, n_rows), of shares, (n_rows,), of the disturbances."""
-        correlation = np.eye(len(shares))
-        for pair, value in enumerate(self.correlations.tolist()):
-            link, motor = 2 * pair, 2 * pair + 1
-            correlation[link, motor] = correlation[motor, link] = value
+        """Return the covariance, (..., n_rows, n_rows), of shares, (n_rows,), of disturbances."""
         size = self.disturbances * shares
-        return correlation * np.outer(size, size)
+        found = size[..., :, None] * size[..., None, :]
+        links = np.arange(0, 2 * self.correlations.shape[-1], 2)
+        correlation = _diagonal(np.ones_like(size))
+        correlation[..., links, links + 1] = self.correlations
+        correlation[..., links + 1, links] = self.correlations
+        return correlation * found
 
 
 def transition_of(jacobian: FloatArray, sample_time: float) -> FloatArray:
@@ -72,50 +74,70 @@ def steady_gains(
     problem: SegmentedMotion, transition: FloatArray, sample_time: float, sizes: Sizes
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return gains of states and disturbances, decay, whitening, and log det S by outputs."""
-    rows = len(sizes.rates)
+    rows = sizes.rates.shape[-1]
     n = len(transition) - rows
-    step, decay = transition.copy(), np.exp(-sizes.rates * sample_time)
-    step[n:, n:] = np.diag(decay)
+    decay = np.exp(-sizes.rates * sample_time)
+    step = _with_decay(transition, decay)
     noise = np.zeros_like(step)
-    noise[n:, n:] = sizes.covariance(np.sqrt(1.0 - decay**2))
+    noise[..., n:, n:] = sizes.covariance(np.sqrt(1.0 - decay**2))
     sees = sensors_of(rows, n + rows)
     mixing = np.eye(rows)
     for a, other in enumerate(problem.references):  # a relative output has its reference's noise
         if other is not None:
             mixing[a, other] = 1.0
-    sensors = mixing @ np.diag(sizes.sensors**2) @ mixing.T
+    sensors = mixing @ _diagonal(sizes.sensors**2) @ mixing.T
     predicted = steady_covariance(step, noise, sees, sensors)
     covariance = sees @ predicted @ sees.T + sensors
-    gain = np.asarray(np.linalg.solve(covariance, sees @ predicted).T, dtype=np.float64)
+    gain = _turned(np.linalg.solve(covariance, sees @ predicted))
     triangle = np.linalg.cholesky(covariance)
     whitening = np.asarray(np.tril(np.linalg.inv(triangle)), dtype=np.float64)
-    entropy = 2.0 * np.log(np.diag(triangle))
-    return gain[:n], gain[n:], decay, whitening, entropy
+    entropy = 2.0 * np.log(np.diagonal(triangle, axis1=-2, axis2=-1))
+    return gain[..., :n, :], gain[..., n:, :], decay, whitening, entropy
+
+
+def _turned(matrices: NDArray[np.floating]) -> FloatArray:
+    return np.asarray(np.swapaxes(matrices, -1, -2), dtype=np.float64)
+
+
+def _diagonal(values: FloatArray) -> FloatArray:
+    """Return diagonal matrices, (..., n, n)."""
+    return values[..., None] * np.eye(values.shape[-1])
+
+
+def _with_decay(transition: FloatArray, decay: FloatArray) -> FloatArray:
+    """Return transition matrices with decaying disturbances."""
+    n = len(transition) - decay.shape[-1]
+    step = np.tile(transition, (*decay.shape[:-1], 1, 1))
+    step[..., n:, n:] = _diagonal(decay)
+    return step
 
 
 def steady_covariance(
     step: FloatArray, noise: FloatArray, sees: FloatArray, sensors: FloatArray
 ) -> FloatArray:
-    """Solve the Riccati equation by doubling (Anderson and Moore, Optimal Filtering, sec. 6.7)."""
-    forward = step.T
+    """Solve Riccati equations by doubling (Anderson and Moore, Optimal Filtering, sec. 6.7)."""
+    forward = _turned(step)
     information = sees.T @ np.linalg.solve(sensors, sees)
-    covariance = noise
-    unit = np.eye(len(step))
+    covariance, found = noise, np.zeros_like(noise)
+    steady = np.zeros(noise.shape[:-2], dtype=np.bool_)
+    unit = np.eye(step.shape[-1])
     with np.errstate(over="ignore", invalid="ignore"):  # of a motion that diverges
         for _ in range(_DOUBLINGS):
             inverse = np.linalg.inv(unit + information @ covariance)
-            more = forward.T @ covariance @ inverse @ forward
-            information = information + forward @ inverse @ information @ forward.T
+            more = _turned(forward) @ covariance @ inverse @ forward
+            information = information + forward @ inverse @ information @ _turned(forward)
             forward = forward @ inverse @ forward
             covariance = covariance + more
             if not np.isfinite(covariance).all():
                 break
-            if np.abs(more).max() <= _STEADY * np.abs(covariance).max():
-                return 0.5 * (covariance + covariance.T)
+            change = np.abs(more).max(axis=(-2, -1))
+            settled = change <= _STEADY * np.abs(covariance).max(axis=(-2, -1))
+            found = np.where((settled & ~steady)[..., None, None], covariance, found)
+            steady |= settled
+            if steady.all():
+                return 0.5 * (found + _turned(found))
     raise LinAlgError("the filter does not settle")
 
-
-WORST = 1e15  # cost where the computation fails: finite, because costs are subtracted
 
 _BANDS = 120  # frequency bands of each recording, of equal width on a logarithmic scale
 
@@ -125,8 +147,8 @@ def cost_by_spectra(
     sizes: Sizes,  # of the observer that made the innovations
     residuals: FloatArray,  # (n_samples, n_outputs): the innovations
     transitions: list[FloatArray],  # transition matrix of each recording
-) -> Callable[[Sizes], float]:
-    """Return -2 log likelihood as a function of the sizes, up to a constant."""
+) -> Callable[[Sizes], FloatArray]:
+    """Return -2 log likelihood, (...), as a function of sizes, up to a constant."""
     segments = observed.segments
     sees = sensors_of(residuals.shape[1], len(transitions[0]))
     recordings = []
@@ -138,17 +160,14 @@ def cost_by_spectra(
         outputs = response @ power @ response.conj().transpose(0, 2, 1)  # power of y in each band
         recordings.append((len(inside), step, transition, places, outputs))
 
-    def cost(sizes: Sizes) -> float:
-        total = 0.0
+    def cost(sizes: Sizes) -> FloatArray:
+        total = np.zeros(sizes.rates.shape[:-1])
         for count, step, transition, places, outputs in recordings:
-            try:
-                moved, gain, whitening, entropy = _predictor(observed, transition, step, sizes)
-            except (LinAlgError, ValueError):
-                return WORST
+            moved, gain, whitening, entropy = _predictor(observed, transition, step, sizes)
             inverse = np.eye(len(sees)) - _response(places, moved - gain @ sees, gain, sees)
-            white = whitening @ inverse
-            squares = np.sum((white @ outputs) * white.conj())
-            total += count * float(entropy.sum()) + float(squares.real)
+            white = whitening[..., None, :, :] @ inverse
+            squares = ((white @ outputs) * white.conj()).reshape(*total.shape, -1)
+            total = total + (count * entropy.sum(axis=-1) + squares.sum(axis=-1).real)
         return total
 
     return cost
@@ -176,14 +195,13 @@ def _predictor(
     gain, disturbed, decay, whitening, entropy = steady_gains(
         observed, transition, sample_time, sizes
     )
-    moved = transition.copy()
-    moved[len(gain) :, len(gain) :] = np.diag(decay)
-    return moved, moved @ np.vstack((gain, disturbed)), whitening, entropy
+    moved = _with_decay(transition, decay)
+    return moved, moved @ np.concatenate((gain, disturbed), axis=-2), whitening, entropy
 
 
 def _response(
     places: NDArray[np.complex128], moved: FloatArray, gain: FloatArray, sees: FloatArray
 ) -> NDArray[np.complex128]:
-    """C (z I - F)⁻¹ L at each point z, shape (n_places, n_outputs, n_outputs)."""
-    resolvent = places[:, None, None] * np.eye(len(moved)) - moved
-    return sees @ np.linalg.solve(resolvent, np.broadcast_to(gain, (len(places), *gain.shape)))
+    """C (z I - F)⁻¹ L at each point z, shape (..., n_places, n_outputs, n_outputs)."""
+    resolvent = places[:, None, None] * np.eye(moved.shape[-1]) - moved[..., None, :, :]
+    return sees @ np.linalg.solve(resolvent, gain[..., None, :, :])

@@ -23,6 +23,7 @@ _AT_EVERY_SAMPLE: dict[str, Any] = {**_UNWRAPPED, "_nrt": False}
 rounded: Any = njit(**_AT_EVERY_SAMPLE)  # rounds each product and each sum
 uncounted: Any = njit(**_AT_EVERY_SAMPLE, fastmath={"contract"})  # rounds a product and sum once
 inner: Any = njit(**_UNWRAPPED, fastmath={"contract"})  # for functions that return tuples, arrays
+# For functions that are short, or called once: a call would pass all numbers of a model.
 inlined: Any = njit(**_AT_EVERY_SAMPLE, fastmath={"contract"}, forceinline=True)
 allocating: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True}
 equations: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}

@@ -30,7 +30,7 @@ NEAR = 1e-9  # fraction of an interval to which a change is located
 GRAZING = 0.1
 
 # Tasks of a model, and layout of the array `columns`; see the template ``model``.
-STEP_STATE, CARRY, RATES, LINEARISE, FIND_CORNERS = range(5)
+STEP_STATE, CARRY, RATES, LINEARISE, FIND_CORNERS, FIND_ACTING = range(6)
 IN_USE, DELAY, ARE_DRY, AT = range(4)
 
 # A model: its address, its sizes, and the layout of `work`.
@@ -49,7 +49,7 @@ def clear(first, size, numbers):
         numbers[i] = 0.0
 
 
-@uncounted
+@inlined
 def move(place, span, h, model, work, columns):
     """Compute the end of a step over a span, a fraction of an interval of h seconds."""
     call(model.address, work, columns, place, span, h, model.x, model.step, STEP_STATE)
@@ -157,7 +157,7 @@ def first_modes(h, trace, model, work, columns):
             work[modes + row] = 1.0 if forward > -backward else -1.0
 
 
-@uncounted
+@inlined
 def leaving_row(place, span, h, model, work, columns):
     """Find the row whose mode ends first, by linear interpolation, and a span within which it ends.
 
@@ -246,7 +246,7 @@ def span_to_change(row, place, span, h, model, work, columns):
     return found
 
 
-@uncounted
+@inlined
 def corners_at(state, target, model, work, columns):
     """Compute the function that is zero at each corner, for one state, into `work`."""
     call(model.address, work, columns, 0.0, 0.0, 0.0, state, target, FIND_CORNERS)
@@ -291,7 +291,7 @@ def span_to_corner(place, span, h, model, work, columns):
     return just_before
 
 
-@uncounted
+@inlined
 def cross_interval(h, substeps, model, work, columns):
     """Advance the state and its derivatives over one sampling interval, in place."""
     x, end = model.x, model.step

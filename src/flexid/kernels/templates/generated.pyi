@@ -11,6 +11,7 @@ _Array = NDArray[np.float64]
 _Numbers = tuple[float, ...]
 
 LANES: int
+N_BLOCKS: int
 N_COEFFICIENTS: int
 N_CONSTANTS: int
 N_CORNERS: int
@@ -29,8 +30,9 @@ WIDTH: int
 
 # Functions of a model.
 def regressors(_x: _Array, _u: _Array, _c: _Array, _r: _Array, _k: _Array) -> None: ...
+def acting(_p: _Array, _at: NDArray[np.int64], _on: _Array) -> None: ...
 def state_rates(
-    _x: _Array, _u: _Array, _m: _Array, _p: _Array, _c: _Array, _dx: _Array
+    _x: _Array, _u: _Array, _m: _Array, _p: _Array, _c: _Array, _on: _Array, _dx: _Array
 ) -> None: ...
 def corners(_x: _Array, _p: _Array, _c: _Array, _k: _Array) -> None: ...
 def remember(_x: _Array, _start: _Array, _p: _Array) -> None: ...
@@ -41,6 +43,7 @@ def slopes(
     _m: _Array,
     _p: _Array,
     _c: _Array,
+    _on: _Array,
     _at: NDArray[np.int64],
     _delay: int,
     _a: _Array,

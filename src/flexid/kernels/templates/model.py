@@ -45,14 +45,15 @@ COEFFICIENTS = DISTURBANCE + N_ROWS
 CONSTANTS = COEFFICIENTS + N_COEFFICIENTS
 CORNERS = CONSTANTS + N_CONSTANTS  # function that is zero at each corner, at two places
 FREE = CORNERS + 2 * N_CORNERS  # 0 for each row that sticks, else 1
-WORK_SIZE = FREE + N_ROWS
+ACTING = FREE + N_ROWS  # mark of each block of terms: whether it acts, or is sought
+WORK_SIZE = ACTING + N_BLOCKS
 
 # Layout of the array `columns`: number of columns in use, with the column of the state; column of
 # the delay of the inputs; whether a row may stick; and the column of each coefficient.
 IN_USE, DELAY, ARE_DRY, AT = range(4)
 
 # Tasks of `run`.
-STEP_STATE, CARRY, RATES, LINEARISE, FIND_CORNERS = range(5)
+STEP_STATE, CARRY, RATES, LINEARISE, FIND_CORNERS, FIND_ACTING = range(6)
 
 SIZES = (N_STATES, N_ROWS, N_INPUTS, N_COEFFICIENTS, N_CONSTANTS, N_CORNERS, N_EQUATIONS, WIDTH)
 PLACES = (Z, DISTURBED, BY_STATE, X, STEP, ALONE, DRIVE)
@@ -67,7 +68,8 @@ def rates_at(x, place, work, rate):
         u[j] = work[DRIVE + 4 * j] + place * work[DRIVE + 4 * j + 1]
     modes = part(work, MODES, N_ROWS)
     p = part(work, COEFFICIENTS, N_COEFFICIENTS)
-    state_rates(x, u, modes, p, part(work, CONSTANTS, N_CONSTANTS), rate)
+    c, on = part(work, CONSTANTS, N_CONSTANTS), part(work, ACTING, N_BLOCKS)
+    state_rates(x, u, modes, p, c, on, rate)
     for row in range(N_ROWS):
         rate[2 * row + 1] += work[DISTURBANCE + row]
         if work[DRY_ROWS + row] != 0.0 and modes[row] == 0.0:
@@ -95,7 +97,8 @@ def slopes_at(x, place, stage, work, columns):
     modes = part(work, MODES, N_ROWS)
     p = part(work, COEFFICIENTS, N_COEFFICIENTS)
     c = part(work, CONSTANTS, N_CONSTANTS)
-    slopes(x, u, du, modes, p, c, part(columns, AT, N_COEFFICIENTS), columns[DELAY], a, r)
+    on, at = part(work, ACTING, N_BLOCKS), part(columns, AT, N_COEFFICIENTS)
+    slopes(x, u, du, modes, p, c, on, at, columns[DELAY], a, r)
     for row in range(N_ROWS):
         work[FREE + row] = 1.0
         if work[DRY_ROWS + row] != 0.0 and modes[row] == 0.0:
@@ -155,6 +158,9 @@ def _run(work, columns, place, span, h, source, target, what):
         p = part(work, COEFFICIENTS, N_COEFFICIENTS)
         c = part(work, CONSTANTS, N_CONSTANTS)
         corners(part(work, source, N_STATES), p, c, part(work, target, N_CORNERS))
+    elif what == FIND_ACTING:
+        p = part(work, COEFFICIENTS, N_COEFFICIENTS)
+        acting(p, part(columns, AT, N_COEFFICIENTS), part(work, ACTING, N_BLOCKS))
 
 
 _RUN: dict[str, Any] = {

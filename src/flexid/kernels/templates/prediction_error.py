@@ -23,7 +23,7 @@ def linearise(states, inputs, coefficients, constants, address, found):
     put(constants, model.constants, work)
     for s in range(states.shape[0]):
         put(states[s], model.x, work)
-        put(coefficients[s], model.coefficients, work)
+        set_coefficients(coefficients[s], model, work, columns)
         for row in range(model.n_rows):
             velocity = work[model.x + 2 * row + 1]
             work[model.modes + row] = np.sign(velocity)
@@ -46,7 +46,7 @@ def speed_of(state, reference, model, work):
     return speed
 
 
-@uncounted
+@inlined
 def add_residuals(errors, rows, whitening, mixed, normal, gradient):
     """Add a sample to the lower half of a block's normal equations; return its cost."""
     cost = 0.0
@@ -67,7 +67,7 @@ def add_residuals(errors, rows, whitening, mixed, normal, gradient):
     return cost
 
 
-@uncounted
+@inlined
 def correct(errors, rows, gains, model, work, columns):
     """Correct a predicted state and the disturbances by an observer's gains times the errors."""
     gain, disturbance_gain, decay = gains
@@ -92,7 +92,7 @@ def correct(errors, rows, gains, model, work, columns):
             clear(z + (2 * row + 1) * width, n, work)
 
 
-@uncounted
+@inlined
 def set_drive(drive, model, work):
     """Set the inputs over one interval."""
     for j in range(model.n_inputs):
@@ -107,10 +107,17 @@ def put(values, place, work):
 
 
 @uncounted
-def start_segment(start, coefficients, model, work):
+def set_coefficients(coefficients, model, work, columns):
+    """Set the coefficients, and thereby the terms that act."""
+    put(coefficients, model.coefficients, work)
+    call(model.address, work, columns, 0.0, 0.0, 0.0, model.x, model.x, FIND_ACTING)
+
+
+@uncounted
+def start_segment(start, coefficients, model, work, columns):
     """Start at a state, with unit derivatives by the state itself."""
     put(start, model.x, work)
-    put(coefficients, model.coefficients, work)
+    set_coefficients(coefficients, model, work, columns)
     for row in range(model.n_rows):
         work[model.disturbance + row] = 0.0
     width = model.width
@@ -167,7 +174,7 @@ def follow_sensors(outputs, speeds, late_columns, k, last, h, model, work):
                 work[column + model.width] = (speeds[after, a] - speeds[before, a]) / span
 
 
-@uncounted
+@inlined
 def fill_rows(rows, model, work, columns):
     """Fill in each output of the model and its derivatives."""
     for a in range(rows.shape[0]):
@@ -224,7 +231,7 @@ def segment_equations(part, segments, sensors, motion, substeps, trace, columns,
         blocks = first_blocks[s + 1] - b
         costs[s] = 0.0
         set_drive(drives[first], model, work)
-        start_segment(initial_states[s], p[s], model, work)
+        start_segment(initial_states[s], p[s], model, work, columns)
         directed = observed and directions.shape[0] > 0
         set_modes(dry, directed, trace, h, model, work, columns)
         for k in range(first, first + lengths[s]):
