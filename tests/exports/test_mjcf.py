@@ -139,6 +139,8 @@ def test_friction_and_play_act_by_hand(case):
 LEFT_OUT: dict[str, tuple[dict[str, float], dict[str, Any]]] = {
     "Stribeck friction": ({"alpha_stribeck": 0.5}, {}),
     "saturation": ({"alpha_saturation": 0.001}, {}),
+    "presliding": ({"alpha_presliding": 0.5, "presliding_grip": 1e3}, {}),
+    "error of the transmission": (_both(error_sine=0.1, error_cosine=0.2), {}),
     "eccentricity": (_both(ecc_sine=0.1, ecc_cosine=0.2), {}),
     "a term that nobody knows": ({"theta_unheard_of": 1.0}, {}),
     "an early input": ({}, {"delays": {"input_delay": -0.002}}),
@@ -223,7 +225,7 @@ def test_hysteresis_of_the_spring_is_exported(document, tmp_path):
     torque = found["alpha2"]["value"] / found["beta1"]["value"]
     model = mujoco.MjModel.from_xml_path(str(scene))
     assert model.tendon_frictionloss[0] == pytest.approx(torque)
-    with pytest.raises(SettingError, match="depends on the spring's past, which this export"):
+    with pytest.raises(SettingError, match="depends on the past motion, which this export"):
         export(estimate, to="fmu", out=tmp_path / "units")
 
 

@@ -9,6 +9,7 @@ from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import RESTING
 from flexid.identification.estimation import band, thinned_log
 from flexid.identification.full_model.model import Data
+from flexid.identification.structure.link_delay import shifted
 from flexid.recording.velocities import position_noise
 
 RESONANCE = 20.0  # rad/s
@@ -89,6 +90,16 @@ def test_a_held_input_is_the_mean_of_before_and_after():
     for held, late in ((True, 0.5), (False, 0.0)):
         found = middle(thinned_log.thinned(data, factor, held=held).samples[0].inputs)
         assert found[:, 0] == pytest.approx(middle(ramp[::factor, None])[:, 0] - late, abs=1e-6)
+
+
+def test_only_the_deflection_of_a_deflection_sensor_is_late():
+    """Assert that a link that moves with its motor is not moved earlier by a late deflection."""
+    log = log_of(sine(2.0, 500.0), 500.0)
+    (samples,) = log.samples
+    (of_link,) = shifted(log, 0.01).samples
+    (of_deflection,) = shifted(replace(log, relative_to={"link": "motor"}), 0.01).samples
+    assert of_deflection.positions == pytest.approx(samples.positions)
+    assert np.abs(of_link.positions - samples.positions).max() == pytest.approx(0.02, rel=0.01)
 
 
 def test_directions_follow_motion_and_not_noise():

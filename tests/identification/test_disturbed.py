@@ -30,7 +30,7 @@ from flexid.identification.estimation.disturbed_estimate import disturbed_estima
 from flexid.identification.estimation.doubts import ECCENTRICITY
 from flexid.identification.estimation.model_error import by_other_laws
 from flexid.identification.estimation.rig_errors import SHARE
-from flexid.identification.full_model.model import Data, Fitted, Structure
+from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.structure import gap
@@ -128,6 +128,26 @@ def fitted(name: str) -> tuple[Disturbed, Estimate]:
     """Return the fit and the estimate of a case."""
     fit = CASES[name].fit()
     return fit, disturbed_estimate(fit, CASES[name].data, "N m")[0]
+
+
+def test_friction_has_the_direction_of_a_late_link(monkeypatch: pytest.MonkeyPatch):
+    """Assert that a fit that finds a delay is repeated with directions that allow for it."""
+    asked: list[float] = []
+    on_time = band.directions_on_time
+
+    def recorded(own: Data, late: float, *rest: Any) -> np.ndarray:
+        asked.append(late)
+        return on_time(own, late, *rest)
+
+    monkeypatch.setattr(band, "directions_on_time", recorded)
+    late = data(made(7, 12.0, torque_noise=0.5, link_delay=8e-3, link_coulomb=1.0))
+    base = structure("gravity", "motor_viscous", "link_coulomb", "joint_damping")
+    own = replace(base, timing=replace(base.timing, sought=(LINK,)))
+    fit = band.fit_in_band(own, late, 16, {**COEFFICIENTS, "theta_coulomb": 1.0})
+    assert asked == [0.0, pytest.approx(8e-3, rel=0.1)]
+    assert fit.fitted.by_name["theta2"] == pytest.approx(COEFFICIENTS["theta2"], rel=1e-3)
+    moved = band.directions(late.samples, 16) - on_time(late, 8e-3, 16)
+    assert np.abs(moved[:, 0]).max() > 0.1 > np.abs(moved[:, 1]).max()
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -34,6 +34,7 @@ LINK = Settings(model="link")
 LATE = {"input_delay": 3e-3, "link_delay": 0.7e-3}
 DRY = {"motor_coulomb_up": 1.0, "motor_coulomb_down": 1.0}
 STRIBECK = {"motor_static": 0.6, "stribeck_velocity": 0.15}
+BRISTLES = {"bristle_coulomb": 2.0, "bristle_static": 2.0, "stribeck_velocity": 0.1}
 HYSTERESIS: dict[str, Any] = {"hysteresis_torque": 0.5, "hysteresis_reach": 0.03}
 MEMORY = {"spring_hysteresis": 0.5, "hysteresis_reach": 0.03}
 RIPPLE: dict[str, Any] = {"ripple_torque": 0.3, "ripple_number": 23.4, "ripple_phase": 0.8}
@@ -119,6 +120,17 @@ CASES = {
         seconds={4: 12.0},
         accuracy=0.01,
     ),
+    "presliding": Case(
+        {**BRISTLES, "bristle_stiffness": 400.0},
+        ("motor_coulomb", "motor_presliding"),
+        {
+            "motor_coulomb_friction": 2.0,
+            "presliding_friction": 2.0,
+            "presliding_reach": 0.005,
+        },
+        seconds={2: 12.0},
+        accuracy=0.01,
+    ),
     "a ripple": Case(RIPPLE, ("torque_ripple",), RIPPLED, seconds={1: 12.0}, accuracy=2e-4),
     "a ripple and a bend": Case(
         {**RIPPLE, **BEND},
@@ -187,6 +199,18 @@ def test_what_a_log_shows_is_found(name):
             assert estimate.status == "found"
         else:
             assert estimate.verdict == "determined", parameter
+
+
+def test_presliding_is_found_among_disturbances():
+    """Assert the reach of presliding where the torque's noise hides it in the exact fit."""
+    drive: dict[str, Any] = {**BRISTLES, "bristle_stiffness": 100.0, "torque_noise": 1.0}
+    found = identify([log(made(3, 12.0, **drive))])
+    assert found.disturbances is not None
+    assert "motor_presliding" in found.choices.terms
+    for name, value in {"motor_inertia": 0.3, "presliding_friction": 2.0}.items():
+        low, high = found.parameters[name].interval
+        assert low < value < high
+    assert found.parameters["presliding_reach"].value == pytest.approx(0.02, rel=0.3)
 
 
 def test_a_needed_term_is_not_lost_to_few_blocks():

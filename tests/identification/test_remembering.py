@@ -11,6 +11,7 @@ import flexid.identification.full_model.fitting as fitting
 from flexid.identification.full_model.fits_by_length import FitsByLength, sampled, turning
 from flexid.identification.structure.job import _least_gain
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
+from flexid.models.flexible_joint import HYSTERESIS
 
 SIZE, GRIP = "alpha_hysteresis", "hysteresis_grip"
 JUST, TOO_LITTLE = THRESHOLDS.shape_promise + 0.001, THRESHOLDS.shape_promise - 0.001
@@ -46,7 +47,7 @@ def test_the_grip_that_promises_more_is_tried_first(monkeypatch, promises, holdi
         return way[GRIP] / JOINT.first[GRIP]
 
     def remembering(before, structure, way, *_):
-        assert structure.absent == before.structure.absent - JOINT.remembered
+        assert structure.absent == before.structure.absent - HYSTERESIS
         tried.append(share(way))
         return before if share(way) == holding else None
 
@@ -71,7 +72,7 @@ def test_what_is_left_shows_it_beside_all_terms(monkeypatch, short, floor):
     leaner = over(4, 5.0)
     assert fits_by_length.fit_with_hysteresis(by_length, leaner, lambda _: None) is not None
     ((before, structure, _, noise, *_),) = asked
-    assert (before, structure.absent, noise) == (leaner, wide.absent - JOINT.remembered, floor)
+    assert (before, structure.absent, noise) == (leaner, wide.absent - HYSTERESIS, floor)
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,12 @@
 """Warnings about a result, and whether its log shows a compliance."""
 
 import pickle
+from dataclasses import replace
 from functools import cache
 from itertools import product
 from math import inf, nan
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -138,6 +139,34 @@ def test_what_is_seen(golden):
         one = of_link_alone(recordings(100.0, 1e-5), driven, spring)
         found[f"the link alone, {verdict}"] = f"{one.visible} {one.reason}"
     golden(found)
+
+
+def test_a_motion_that_has_died_out_was_seen_before():
+    """Assert that a deflection at rest in the held-out part is judged by all of it."""
+    moving = recordings(100.0, 1e-5).recorded[0]
+    fading = np.where(np.arange(len(moving)) < START, moving.deflection, 0.0)
+    still = replace(moving, link_position=moving.motor_position + fading)
+    one = of_joint(SplitRecordings((still,), (START,), (0,)), Validation({"deflection": nan}, ()))
+    assert one.visible
+    assert one.deflection == pytest.approx(np.std(fading))
+    assert "before the held-out part" in one.reason
+
+
+def test_a_motion_that_has_died_out_is_predicted_from_its_beginning(monkeypatch):
+    """Assert that the prediction begins one period after the start if the end is at rest."""
+    asked = []
+
+    def predicting(_, __, starts, horizons, **___):
+        asked.append([*starts])
+        share = nan if len(asked) == 1 else 56.0
+        return SimpleNamespace(horizons={horizons[0]: {"deflection": share}})
+
+    monkeypatch.setattr(spring_doubts, "validate", predicting)
+    fitted: Any = SimpleNamespace(by_name={"theta2": 900.0, "alpha1": 1600.0})
+    logs = data(made(5, 4.0), made(6, 0.5))
+    own = SimpleNamespace(whole=logs, recordings=SimpleNamespace(starts=(1000, 40)))
+    assert spring_doubts._over_a_period(fitted, cast(Any, own))[1] == 56.0
+    assert asked == [[1000, 40], [63, 40]]  # of 2 ms; the period is 0.126 s
 
 
 def test_a_period_is_predicted_from_the_one_before(monkeypatch):

@@ -251,6 +251,14 @@ def test_a_reflected_bend_is_the_same_spring(tied: bool):
         assert torque(found, *names) == pytest.approx(torque(values, *names), abs=1e-9)
 
 
+def test_a_given_constant_is_the_only_candidate():
+    """Assert that no other constant is tried if prior knowledge fixes it."""
+    plain = fitted(made(4, 4.0))
+    given = replace(plain.structure, fixed={BEND.constant: 0.37})
+    ((_, own),) = shapes._promising(BEND, plain, given)
+    assert BEND.of(own) == 0.37
+
+
 @pytest.mark.parametrize(
     ("promises", "followed"),
     [([0.9, 0.8, 0.1, 0.7], [0.1, 0.4]), ([0.1, 0.8, 0.9, 0.2], [0.3, 0.1])],

@@ -24,6 +24,7 @@ _STEPS_PER_RADIAN = 40.0  # of the resonance; keeps the phase error below 1e-8
 # MuJoCo does not locate the instant at which dry friction changes: it is up to a step late.
 _DRY_STEP = 1.25e-4  # s, at most
 _DRY_STEPS_PER_RADIAN = 200.0
+_GRIPS = tuple(term.memory.grip for term in SHAPE_TERMS.values() if term.memory)
 
 
 class Side(NamedTuple):
@@ -234,7 +235,8 @@ def mjcf_scene(
         link = _side(values, "theta", stiffness / by_link)
         motor = _side(values, "alpha", inertia)
         spring = _spring(values, stiffness, inertia, notes)
-    values.pop("hysteresis_grip", None)  # the scene's hysteresis has no presliding
+    for grip in _GRIPS:  # the scene has no presliding
+        values.pop(grip, None)
     delay = delays.get(INPUT_DELAY, 0.0)
     values |= {INPUT_DELAY: min(delay, 0.0), LINK_DELAY: delays.get(LINK_DELAY, 0.0)}
     notes += _left_out(values)

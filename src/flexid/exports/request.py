@@ -61,7 +61,7 @@ def request_of_identification(result: "Identification") -> ExportRequest:
         term = joint.of_coefficient(name) or name
         raise SettingError(
             term,
-            "depends on the spring's past, which this export does not model: identify with --terms "
+            "depends on the past motion, which this export does not model: identify with --terms "
             f"{','.join(t for t in choices.terms if t != term)}, and export that estimate",
         )
     given = {name: values[name] for name in sorted((result.given | SQUARES) & {*values})}

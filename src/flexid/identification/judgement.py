@@ -5,7 +5,7 @@ error, correlated residuals and delays all widen the interval.
 """
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
 
@@ -324,17 +324,27 @@ _BEYOND_NOISE = 3.0  # least ratio of a visible deflection to its noise
 
 
 def of_joint(recordings: SplitRecordings, found: Validation) -> Compliance:
-    """Judge whether the spring explains the held-out deflection."""
+    """Judge whether the spring explains the held-out deflection, if that is more than noise."""
     ends = [p.deflection[s:] for p, s in zip(recordings.recorded, recordings.starts, strict=True)]
-    squares = sum(float(np.sum((end - end.mean()) ** 2)) for end in ends)
-    moved = float(np.sqrt(squares / sum(map(len, ends))))
+    moved, ever = _spread(ends), _spread([p.deflection for p in recordings.recorded])
     noise = max(
         float(np.hypot(position_noise(p.needed_link_position), position_noise(p.motor_position)))
         for p in recordings.recorded
     )
     unit = unit_of("rad", recordings.recorded[0].joint)
-    visible, reason = _judge(found.fit_percent["deflection"], moved, noise, unit)
+    fit = found.fit_percent["deflection"]
+    is_still = moved < _BEYOND_NOISE * noise or np.isnan(fit)
+    if is_still and max(moved, noise) < ever / _BEYOND_NOISE:  # it has died out
+        reason = f"the deflection moves by {ever:.2g} {unit}, but only before the held-out part"
+        return Compliance(True, reason, ever, noise)
+    visible, reason = _judge(fit, moved, noise, unit)
     return Compliance(visible, reason, moved, noise)
+
+
+def _spread(parts: Sequence[FloatArray]) -> float:
+    """Return the standard deviation of a signal, each part of it about its own mean."""
+    squares = sum(float(np.sum((part - part.mean()) ** 2)) for part in parts)
+    return float(np.sqrt(squares / sum(map(len, parts))))
 
 
 def of_link_alone(

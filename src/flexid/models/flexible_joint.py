@@ -154,6 +154,7 @@ RIPPLE_NUMBER = "ripple_number"
 ERROR_NUMBER = "error_number"
 ANGLE_ORIGIN = "angle_origin"
 HYSTERESIS_GRIP = "hysteresis_grip"
+PRESLIDING_GRIP = "presliding_grip"
 
 SHAPES = tuple(DECLARED["constants"])
 """Constants of these terms: widths of their shapes, centre or origin."""
@@ -197,7 +198,7 @@ COEFFICIENT_UNITS: dict[str, str] = {
         for name, (_, unit) in content.get(side, {}).items()
     },
     "beta1": "rad/s^2/{input}",
-    HYSTERESIS_GRIP: "1/rad",
+    **{term.memory.grip: "1/rad" for term in SHAPE_TERMS.values() if term.memory},
 }
 """Unit of every coefficient; ``{input}`` stands for the unit of the input."""
 
@@ -225,6 +226,9 @@ PLAY = frozenset(SHAPE_TERMS["backlash"].coefficients)
 
 DAMPING = frozenset(TERMS["joint_damping"].coefficients)
 """Coefficients of the damping of the spring."""
+
+HYSTERESIS = frozenset(SHAPE_TERMS["spring_hysteresis"].coefficients)
+"""Coefficients of the hysteresis of the spring."""
 
 SATURATION = frozenset(SHAPE_TERMS["torque_saturation"].coefficients)
 """Coefficients of the saturation of the torque at large inputs."""

@@ -166,7 +166,7 @@ class _Plan:
         added: dict[str, Recipe] = {}
         for name in SI_UNITS:
             columns = [] if name in skipped else candidates.get(name, [])
-            columns = self._seconds_and_fraction(columns) if name == "time" else columns
+            columns = self._one_time(columns) if name == "time" else columns
             if len(columns) > 1:
                 raise self._refusal(
                     f"{quoted(column.header for column in columns)} could each be {name}: "
@@ -190,8 +190,13 @@ class _Plan:
                 f"taken by name: {shown}; check it, or define the columns in a column map"
             )
 
-    def _seconds_and_fraction(self, columns: list[Recipe]) -> list[Recipe]:
-        """Return one recipe for whole seconds and the nanoseconds beyond them, as ROS has them."""
+    def _one_time(self, columns: list[Recipe]) -> list[Recipe]:
+        """Return columns other than stamps, or one recipe for a stamp as ROS divides it.
+
+        It has whole seconds, and the nanoseconds beyond them.
+        """
+        named = [(one, words_of(split_header(one.header)[0])) for one in columns]
+        columns = [one for one, words in named if words and "stamp" not in words.all] or columns
         by_unit = {one.unit: one for one in columns}
         if len(columns) != 2 or by_unit.keys() != {"s", "ns"}:
             return columns

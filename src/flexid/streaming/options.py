@@ -218,7 +218,7 @@ def check_comparable(result: Identification) -> None:
         left = ",".join(term for term in terms if term not in remembering)
         raise SettingError(
             "estimate",
-            f"has {remembering[0]}, which depends on the path of the spring, and recursive least "
+            f"has {remembering[0]}, which depends on the path of the motion, and recursive least "
             f"squares cannot have it: identify with --terms {left or 'none'}, and use that",
         )
     if not _reference(result):

@@ -71,9 +71,9 @@ OF_A_LENGTH = "segments of other lengths give other values"
 # Most integration steps to search for an exact fit, some ten seconds. As many again may be taken to
 # complete a search that has succeeded, to search in a part of the log, and to fit all data. Logs of
 # 34 families took 5.6e6 at most for all. More are needed if the model does not explain the log, or
-# if the joint is so stiff that a sample needs many steps. At 1e7 a log with play, found at 7.4e6,
-# lost its exact fit to the search for terms beyond.
-_MOST_STEPS = 1.1e7
+# if the joint is so stiff that a sample needs many steps. At 1.1e7 an axis logged at 2 kHz for 22 s
+# lost its exact fit, and took 37 s with disturbances for 11 s without.
+_MOST_STEPS = 2.2e7
 _FEWEST_IN_PART = 300  # samples of a piece of the log: several periods of the resonance
 _BY_DELAY = "all of which is a delay between the encoders"
 _BY_DISTURBANCES = "the input is low-passed to the joint's band, where all holds are alike"

@@ -19,12 +19,13 @@ from flexid.estimators.steady_gains import Sizes
 from flexid.identification.estimation.band import (
     FitInBand,
     cost_of,
+    directions_on_time,
     fit_in_band,
     fits_in_band,
     observer_following,
     shares_of,
 )
-from flexid.identification.estimation.thinned_log import directions, thinned, thinning
+from flexid.identification.estimation.thinned_log import thinned, thinning
 from flexid.identification.estimation.unusual_terms import (
     with_hysteresis,
     with_play,
@@ -37,7 +38,7 @@ from flexid.identification.full_model.starting import no_start, starts
 from flexid.identification.structure.elimination import eliminate, latest
 from flexid.identification.structure.gap import likely_play
 from flexid.identification.structure.link_delay import is_damping, shifted, skew
-from flexid.identification.structure.sought_terms import BEND, STRIBECK, TRANSMISSION
+from flexid.identification.structure.sought_terms import BEND, PRESLIDING, STRIBECK, TRANSMISSION
 from flexid.identification.structure.validation import Follower
 from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
@@ -125,7 +126,11 @@ def _with_unusual_terms(
         by_play = 0.0
     if best is bent and bent is not full:  # a bent spring may have hysteresis as well
         best = min([best, *with_hysteresis(best, data, factor)], key=cost_of)
-    return with_shape(STRIBECK, "motor", best, data, factor, kept), by_play
+    falling = with_shape(STRIBECK, "motor", best, data, factor, kept)
+    best = with_shape(PRESLIDING, "motor", falling, data, factor, kept)
+    if best is not falling:  # presliding may have hidden that friction falls
+        best = with_shape(STRIBECK, "motor", best, data, factor, kept)
+    return best, by_play
 
 
 def _doubtful_play(full: FitInBand, data: Data) -> float:
@@ -239,7 +244,8 @@ def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
 
 def follower(found: Disturbed, data: Data) -> Follower:
     """Return a follower that predicts a log as recorded from the states of the fit's observer."""
-    directed = directions(data.samples, 1, found.factor)
+    late = found.fitted.delays.get(LINK, 0.0)
+    directed = directions_on_time(data, late, 1, found.factor)
     return observer_following(directed, found.sizes, found.factor)
 
 

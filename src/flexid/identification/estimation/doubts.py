@@ -40,7 +40,6 @@ LINK_GRAVITY = frozenset(
     c for term in ("gravity", "gravity_cosine") for c in declared.TERMS[term].link
 )
 _VISCOUS = declared.coefficients_of("motor_viscous")
-_HYSTERESIS = frozenset(declared.SHAPE_TERMS["spring_hysteresis"].coefficients)
 
 
 class Repeat(NamedTuple):
@@ -189,7 +188,7 @@ def another_law(doubted: Doubted) -> FloatArray:
     What such a law leaves unexplained of the link's acceleration may be the spring's.
     """
     inverse = declared.HYSTERESIS_GRIP  # of the reach
-    share = dict.fromkeys(_HYSTERESIS, _ANOTHER_LAW) | {inverse: -_ANOTHER_LAW}
+    share = dict.fromkeys(declared.HYSTERESIS, _ANOTHER_LAW) | {inverse: -_ANOTHER_LAW}
     values = doubted.fitted.by_name
     left = float(doubted.shares.get("link", 0.0) / np.sqrt(3.0)) if inverse in values else 0.0
     springs = dict.fromkeys(declared.SPRING, left)

@@ -1,6 +1,7 @@
 """Doubts that the deflection is a spring's: it may be moved by other effects, or by a delay."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from math import ceil
 from typing import NamedTuple
 
 import numpy as np
@@ -67,10 +68,18 @@ def _over_a_period(fitted: Fitted, job: Job) -> tuple[float, float]:
     A prediction begins from the state that fits one period before. A state that fits more periods
     would be shifted by disturbances.
     """
-    whole, starts = job.whole, job.recordings.starts
+    whole, ends = job.whole, job.recordings.starts
     period = float(whole.periods(np.array(resonance(fitted.by_name))))
-    found = validate(fitted, whole, starts, horizons=(period,), warm_up=period).horizons
-    return period, found[period].get("deflection", np.nan) if found else np.nan
+
+    def predicted_after(starts: Sequence[int]) -> float:
+        found = validate(fitted, whole, starts, horizons=(period,), warm_up=period).horizons
+        return found[period].get("deflection", np.nan) if found else np.nan
+
+    predicted = predicted_after(ends)
+    if np.isnan(predicted):  # the motion may have died out before the held-out end
+        starts = (ceil(period / own.sample_time) for own in whole.samples)
+        predicted = predicted_after([*map(min, starts, ends)])
+    return period, predicted
 
 
 def delay_doubts(job: Job, data: Data, *, entirely: bool) -> tuple[Caution, ...]:

@@ -34,7 +34,7 @@ from flexid.identification.structure.gap import (
     with_other_damping,
 )
 from flexid.identification.structure.shapes import SoughtShape
-from flexid.models.flexible_joint import HYSTERESIS_GRIP, SHAPE_TERMS, SPRING, TERMS
+from flexid.models.flexible_joint import HYSTERESIS, HYSTERESIS_GRIP, SHAPE_TERMS, SPRING, TERMS
 
 # Coefficients of the spring in the link's row, and those in the motor's row.
 _MOTOR_OF_LINK = {SPRING[0]: SPRING[1]} | {
@@ -89,9 +89,9 @@ def with_play(
 def with_hysteresis(fit: FitInBand, data: Data, factor: int) -> Iterator[FitInBand]:
     """Yield the fit with hysteresis if it brakes, is likelier and explains clearly more."""
     structure, joint = fit.fitted.structure, fit.fitted.structure.joint
-    if not joint.remembered or not joint.remembered <= structure.absent:
+    if HYSTERESIS.isdisjoint(joint.shapes) or not HYSTERESIS & joint.shapes <= structure.absent:
         return
-    structure = replace(structure, absent=structure.absent - joint.remembered)
+    structure = replace(structure, absent=structure.absent - HYSTERESIS)
     start = {**fit.fitted.by_name, HYSTERESIS_GRIP: joint.first[HYSTERESIS_GRIP]}
     for other in fits_in_band([(structure, start)], data, factor):
         likelier = other.cost < fit.cost - CHANCE
@@ -135,7 +135,8 @@ def with_shape(
                 if not (shape.is_seen_in(alike.fitted) and shape.is_seen_in(freed.fitted)):
                     continue  # another start may lead to a possible constant
                 if _explains_more(freed, fit, side) and shape.is_plausible(freed.fitted):
-                    best = min(best, alike, freed, key=cost_of)
+                    ended = (each for each in (alike, freed) if each.fitted.converged)
+                    best = min(best, *ended, key=cost_of)
                 break
     return best
 

@@ -32,7 +32,7 @@ from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.full_model.starting import first_fits, short
 from flexid.identification.vocabulary import Progress
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
-from flexid.models.flexible_joint import HYSTERESIS_GRIP
+from flexid.models.flexible_joint import HYSTERESIS, HYSTERESIS_GRIP
 from flexid.recording.recording import Hold
 
 TURNING = 0.5
@@ -148,9 +148,9 @@ def fit_with_hysteresis(
     """Fit a joint with hysteresis if the fit without leaves more than noise; None if no help."""
     full = by_length.found[-1].structure
     joint = full.joint
-    if not joint.remembered:
+    if HYSTERESIS.isdisjoint(joint.shapes):
         return None
-    structure = replace(full, absent=full.absent - joint.remembered)
+    structure = replace(full, absent=full.absent - HYSTERESIS)
     structure = structure.with_hold(before.structure.timing.hold)
     progress("hysteresis of the spring")
     starts = [
@@ -172,8 +172,7 @@ def fit_with_hysteresis(
 
 def only_brakes(fitted: Fitted) -> bool:
     """Whether no friction of a spring with hysteresis is negative; that would mean a gap."""
-    remembered = fitted.structure.joint.remembered
-    return all(fitted.by_name.get(name, 0.0) >= 0.0 for name in remembered)
+    return all(fitted.by_name.get(name, 0.0) >= 0.0 for name in HYSTERESIS)
 
 
 def turning(found: Sequence[Fitted], thresholds: Thresholds) -> Fitted | None:

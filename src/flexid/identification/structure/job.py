@@ -36,6 +36,7 @@ from flexid.identification.structure.shapes import (
     fit_with_shape,
 )
 from flexid.identification.structure.sought_terms import (
+    PRESLIDING,
     SOUGHT,
     SOUGHT_COEFFICIENTS,
     TRANSMISSION,
@@ -45,6 +46,7 @@ from flexid.identification.structure.validation import misprediction, validate
 from flexid.identification.vocabulary import Progress, silent
 from flexid.identification.vocabulary.evidence import Validation
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
+from flexid.models.flexible_joint import HYSTERESIS
 from flexid.recording.recording import Hold, Recording
 
 MEASURED_HOLD: Hold = "cubic"
@@ -289,11 +291,11 @@ def _further_searches(
         before = full
     late = []
     if before is not None and before.unexplained_over(TURNING) <= job.thresholds.shape_motion:
-        if full.structure.joint.remembered <= full.structure.absent:
+        if full.structure.absent >= HYSTERESIS:
             yield lambda _: fit_with_hysteresis(by_length, before, *rest)
         for shape in (shape for shape in SOUGHT if not shape.is_in(full)):
             search = partial(_with_shape, shape, by_length, before, job)
-            if shape is TRANSMISSION:  # play is more common
+            if shape in (TRANSMISSION, PRESLIDING):  # play is more common
                 late.append(search)
             else:
                 yield search

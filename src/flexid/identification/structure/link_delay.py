@@ -149,11 +149,15 @@ def skew(joint: Joint, data: Data) -> Skew:
 
 
 def shifted(data: Data, delay: float) -> Data:
-    """Return the log with the link's positions moved earlier by a delay in s."""
+    """Return the log with the link, or a deflection sensor, moved earlier by a delay in s."""
     moved = []
     for samples in data.samples:
         positions = samples.positions.copy()
         assert samples.velocities is not None
-        positions[:, 0] += delay * samples.velocities[:, 0]
+        late = samples.velocities[:, 0]
+        if data.relative_to:  # to the motor, whose velocity is a state or the second input
+            rates = samples.velocities if samples.velocities.shape[1] > 1 else samples.inputs
+            late = late - rates[:, 1]
+        positions[:, 0] += delay * late
         moved.append(replace(samples, positions=positions))
     return replace(data, samples=tuple(moved))

@@ -222,6 +222,10 @@ def _promising(
 ) -> Iterator[tuple[float, Structure]]:
     """Yield structures with the most promising constants, each with its predicted share."""
     structure = wider.with_hold(before.structure.timing.hold)
+    if (given := structure.fixed.get(shape.constant)) is not None:
+        known = shape.put(structure, given)
+        yield _promised(before, known), known
+        return
     constants = shape.visible_candidates(before)
     promises = side_by_side(lambda value: _promised(before, shape.put(structure, value)), constants)
     promising = sorted(zip(promises, constants, strict=True), key=itemgetter(0), reverse=True)

@@ -1,11 +1,11 @@
-"""Terms with a sought constant: ripple, transmission error, Stribeck friction, a bent spring.
+"""Terms with a sought constant: of ripple, transmission, the motor's friction and a bent spring.
 
 Cogging, gear teeth and uneven commutation act on the motor as a sine of its position. The residuals
 of the motor's row are summed over the position. Their spectrum shows the number of periods in a
 turn, unless the whole motion has only a few. A gear's error of angle acts likewise on the link
 through the spring, once and twice per turn of the gear's input. Stribeck friction falls from its
-static value as the motor moves. A bent spring has another stiffness beyond some deflection, as in
-gear catalogues.
+static value as the motor moves. With presliding, friction follows a reversal only along a path. A
+bent spring has another stiffness beyond some deflection, as in gear catalogues.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,6 +23,7 @@ from flexid.models.flexible_joint import (
     BEND_DEFLECTION,
     ERROR_NUMBER,
     HARDENING,
+    PRESLIDING_GRIP,
     RIPPLE_NUMBER,
     SHAPE_TERMS,
     SOUGHT_CONSTANTS,
@@ -46,6 +47,8 @@ _MOST_BINS = 2**18  # of a spectrum
 # distinguishable one, over the velocity itself.
 _VELOCITIES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.28, 2.56)
 _NEXT_VELOCITY = 0.8
+# Reaches of presliding over the range of the motor's motion.
+_REACHES = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
 # Bends over the deflection's standard deviation, counted from its mean, which a preload shifts.
 _DEFLECTIONS, _NEXT_DEFLECTION = (0.0, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0), 0.4
 _LEAST_DEFLECTION = 0.2  # least bend, likewise: a smaller one looks like friction
@@ -201,6 +204,24 @@ STRIBECK = SoughtShape(
 """Stribeck friction of the motor, and its velocity."""
 
 
+def grips(structure: Structure, data: Data) -> list[float]:
+    """Return candidates of the grip of presliding in 1/rad, one over its reach."""
+    moved = _range(structure.joint, data)
+    return [1.0 / (share * moved) for share in _REACHES] if moved > 0.0 else []
+
+
+PRESLIDING = SoughtShape(
+    "presliding friction",
+    frozenset(SHAPE_TERMS["motor_presliding"].coefficients),
+    PRESLIDING_GRIP,
+    grips,
+    lambda joint, _: joint.first[PRESLIDING_GRIP],
+    in_place_of=STRIBECK.coefficients,
+    is_possible=STRIBECK.is_possible,  # with presliding, friction may seem to rise
+)
+"""Presliding of the motor's friction, and one over the path along which friction reverses."""
+
+
 def _deflection(joint: Joint, data: Data) -> tuple[float, float]:
     """Return mean and standard deviation of the deflection in rad."""
     every = joint.deflections(data.samples)
@@ -259,7 +280,7 @@ def reflected(values: Mapping[str, float]) -> dict[str, float]:
     return {name: found[name] for name in values}
 
 
-SOUGHT = (STRIBECK, RIPPLE, BEND, TRANSMISSION)
+SOUGHT = (STRIBECK, RIPPLE, BEND, TRANSMISSION, PRESLIDING)
 """Terms that are tried automatically, each with a constant that is sought."""
 
 SOUGHT_COEFFICIENTS = frozenset(c for shape in SOUGHT for c in shape.coefficients)
