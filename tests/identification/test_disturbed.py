@@ -35,6 +35,7 @@ from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.structure import gap
 from flexid.identification.structure.link_delay import skew
+from flexid.identification.structure.sought_terms import STRIBECK
 from flexid.identification.structure.validation import from_fitted_states
 from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
@@ -405,6 +406,16 @@ def test_unusual_terms_that_are_likely_stay(monkeypatch: pytest.MonkeyPatch):
     assert {term.name for term in fit.terms if term.kept} >= {"alpha_backlash"}
     assert asked
     assert all("alpha_backlash" in kept for kept in asked)
+
+
+def test_a_term_whose_fits_do_not_end_is_not_taken(monkeypatch: pytest.MonkeyPatch):
+    """Assert that a likelier fit with another term counts only if it has converged."""
+    case = CASES["friction that falls"]
+    plain = band.fit_in_band(case.structure, case.data, 4, {**COEFFICIENTS, "alpha_coulomb": 3.0})
+    asked = STRIBECK, "motor", plain, case.data, 4, ()
+    assert unusual_terms.with_shape(*asked).cost < plain.cost - 100.0
+    monkeypatch.setattr(Fitted, "converged", property(lambda _: False))
+    assert unusual_terms.with_shape(*asked) is plain
 
 
 def test_where_the_best_start_runs_away_another_leads(monkeypatch: pytest.MonkeyPatch):

@@ -135,8 +135,8 @@ def with_shape(
                 if not (shape.is_seen_in(alike.fitted) and shape.is_seen_in(freed.fitted)):
                     continue  # another start may lead to a possible constant
                 if _explains_more(freed, fit, side) and shape.is_plausible(freed.fitted):
-                    ended = (each for each in (alike, freed) if each.fitted.converged)
-                    best = min(best, *ended, key=cost_of)
+                    ended = [each for each in (alike, freed) if each.fitted.converged]
+                    best = min([best, *ended], key=cost_of)
                 break
     return best
 
