@@ -13,7 +13,7 @@ from flexid.exports.request import check_known, check_possible, doubts_of, rende
 from flexid.identification.full_model.model import LINK as LINK_DELAY
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.result import Identification
-from flexid.models.flexible_joint import SHAPE_TERMS, TERMS, TIES
+from flexid.models.flexible_joint import GRIPS, SHAPE_TERMS, TERMS, TIES
 from flexid.models.motion import FORCES, JointType, unit_of
 from flexid.stored_estimates.structure import delays_of, values_of
 
@@ -24,7 +24,6 @@ _STEPS_PER_RADIAN = 40.0  # of the resonance; keeps the phase error below 1e-8
 # MuJoCo does not locate the instant at which dry friction changes: it is up to a step late.
 _DRY_STEP = 1.25e-4  # s, at most
 _DRY_STEPS_PER_RADIAN = 200.0
-_GRIPS = tuple(term.memory.grip for term in SHAPE_TERMS.values() if term.memory)
 
 
 class Side(NamedTuple):
@@ -235,7 +234,7 @@ def mjcf_scene(
         link = _side(values, "theta", stiffness / by_link)
         motor = _side(values, "alpha", inertia)
         spring = _spring(values, stiffness, inertia, notes)
-    for grip in _GRIPS:  # the scene has no presliding
+    for grip in GRIPS:  # the scene has no presliding
         values.pop(grip, None)
     delay = delays.get(INPUT_DELAY, 0.0)
     values |= {INPUT_DELAY: min(delay, 0.0), LINK_DELAY: delays.get(LINK_DELAY, 0.0)}

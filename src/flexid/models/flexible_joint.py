@@ -156,6 +156,9 @@ ANGLE_ORIGIN = "angle_origin"
 HYSTERESIS_GRIP = "hysteresis_grip"
 PRESLIDING_GRIP = "presliding_grip"
 
+GRIPS = tuple(term.memory.grip for term in SHAPE_TERMS.values() if term.memory)
+"""Coefficients in which terms with memory are nonlinear: one over a path, in 1/rad."""
+
 SHAPES = tuple(DECLARED["constants"])
 """Constants of these terms: widths of their shapes, centre or origin."""
 
@@ -198,7 +201,7 @@ COEFFICIENT_UNITS: dict[str, str] = {
         for name, (_, unit) in content.get(side, {}).items()
     },
     "beta1": "rad/s^2/{input}",
-    **{term.memory.grip: "1/rad" for term in SHAPE_TERMS.values() if term.memory},
+    **dict.fromkeys(GRIPS, "1/rad"),
 }
 """Unit of every coefficient; ``{input}`` stands for the unit of the input."""
 
