@@ -112,13 +112,19 @@ def pushed(
     size: float = 1.0,
     link_push: float = 0.0,
     motor_push: float = 0.0,
+    chatter: float = 0.0,
     **more: float,
 ) -> Recording:
-    """Return a disturbed drive (RMS pushes in rad/s²), sampled at 500 Hz / `every`."""
+    """Return a disturbed drive (RMS pushes in rad/s²), sampled at 500 Hz / `every`.
+
+    `chatter` is the standard deviation of white noise in N m that a controller adds to the torque.
+    """
     rng = np.random.default_rng(seed)
     times = _FINE_STEP * np.arange(round(duration / _FINE_STEP))
     phases = rng.uniform(0.0, 2.0 * np.pi, len(_PUSHED_TONES))
     torque = 2.4 * size * np.sin(np.outer(times, _PUSHED_TONES) + phases).sum(axis=1)
+    own = np.random.default_rng([seed, 1]).standard_normal(len(times) // 4)
+    torque += chatter * np.interp(times, times[::4], own)
     pushes = np.zeros((len(times), 2))
     keep = np.exp(-_FINE_STEP / 0.1)
     shocks = np.sqrt(1.0 - keep**2) * rng.standard_normal((len(times), 2))

@@ -72,15 +72,11 @@ CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     (doubts.coil_lag, EARLY, {}),
     (doubts.dead_zone, {"by_dead_zone": NOISE}, {"alpha1": 0.1, "beta1": 0.1}),
     (doubts.dead_zone, VOLTS, {}),
-    # Uniform between zero and the full effect of play on a spring, or of more noise of the input.
+    # Uniform between zero and the full effect of play on a spring.
     (doubts.play, {"by_play": 0.3}, dict.fromkeys(SPRINGS, 0.3 / np.sqrt(3.0))),
     (doubts.play, {}, {}),
     (doubts.another_law, {}, {}),
-    (
-        doubts.noise_of_the_input,
-        {"by_noise": NOISE},
-        dict.fromkeys(("alpha1", "beta1"), 0.1 / 3.0**0.5),
-    ),
+    (doubts.noise_of_the_input, {"by_noise": NOISE}, {"alpha1": 0.1, "beta1": 0.1}),
     (doubts.noise_of_the_input, {}, {}),
     (doubts.lag, {"by_lag": NOISE}, {"alpha1": 0.1, "beta1": 0.1}),
     (doubts.lag, {}, {}),

@@ -25,6 +25,7 @@ from flexid.identification.estimation.band import (
     observer_following,
     shares_of,
 )
+from flexid.identification.estimation.input_noise import InputChoice, likelier_input
 from flexid.identification.estimation.thinned_log import thinned, thinning
 from flexid.identification.estimation.unusual_terms import (
     with_hysteresis,
@@ -67,7 +68,8 @@ class Disturbed:
     shares: Mapping[str, float]
     factor: int  # thinning factor
     cost: float  # -2 log likelihood
-    by_play: float = 0.0  # relative increase of the stiffness with play instead of hardening
+    by_play: float  # relative increase of the stiffness with play instead of hardening
+    input: InputChoice
 
 
 def fit_disturbed(
@@ -94,6 +96,8 @@ def fit_disturbed(
     full = _likeliest(tried, data, factor)
     if max(shares_of(full.fitted, full.sizes).values()) > _WRONG_MINIMUM:
         full = min([full, *_from_few_terms(full, data, factor)], key=cost_of)
+    full, chosen = likelier_input(full, data, factor)
+    logged, data = data, chosen.of(data)
     if with_shapes:
         full, by_play = _with_unusual_terms(full, data, factor, kept)
     else:
@@ -105,10 +109,10 @@ def fit_disturbed(
     best, evidence = _with_shown_terms(full, data, factor, stays, thresholds)
     if is_damping(best.fitted.by_name):  # delay and friction are equivalent to one damping
         without = structure.without({LINK})
-        return fit_disturbed(without, data, kept, holds, thresholds, with_shapes=with_shapes)
+        return fit_disturbed(without, logged, kept, holds, thresholds, with_shapes=with_shapes)
     best = with_width_of_gap(best, data, factor)
     shares = shares_of(best.fitted, best.sizes)
-    rest = factor, best.cost, by_play
+    rest = factor, best.cost, by_play, chosen
     return Disturbed(best.fitted, full.fitted, evidence, best.sizes, shares, *rest)
 
 
@@ -223,8 +227,8 @@ def _leaves_more(leaner: FitInBand, fuller: FitInBand) -> bool:
 
 
 def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
-    """Fit the same structures to other data of the same drive."""
-    structure, factor = found.fitted.structure, found.factor
+    """Fit the same structures to other data of the same drive, as logged."""
+    data, structure, factor = found.input.of(data), found.fitted.structure, found.factor
     own = fit_in_band(structure, data, factor, found.fitted.by_name, found.sizes)
     own = with_width_of_gap(own, data, factor)
     full = found.full  # used for hidden terms if the full fit to these data fails

@@ -5,7 +5,6 @@ the log. Differences beyond chance widen the intervals. Errors that are the same
 half, or that no log shows, are covered by doubts (`flexid.identification.estimation.doubts`).
 """
 
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -13,9 +12,8 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.samples import Samples, side_by_side
+from flexid.estimators.samples import side_by_side
 from flexid.estimators.state_variable_filter import LeastSquaresFit
-from flexid.estimators.steady_gains import Sizes
 from flexid.identification.estimation.band import fit_in_band
 from flexid.identification.estimation.disturbed import Disturbed
 from flexid.identification.estimation.doubts import (
@@ -34,11 +32,9 @@ from flexid.identification.estimation.doubts import (
 )
 from flexid.identification.estimation.excitations import row_sizes
 from flexid.identification.estimation.model_error import (
-    SEED,
     behind_a_dead_zone,
     by_other_laws,
     lagged,
-    with_more,
 )
 from flexid.identification.estimation.rig_errors import (
     SHARE,
@@ -46,16 +42,14 @@ from flexid.identification.estimation.rig_errors import (
     likely_changes,
     with_sensor_error,
 )
-from flexid.identification.estimation.thinned_log import PER_PERIOD, thinned_samples, thinning
+from flexid.identification.estimation.thinned_log import PER_PERIOD, thinning
 from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.full_model.starting import least_squares_start, suited_rate
 from flexid.identification.structure.gap import with_free_width
 from flexid.identification.vocabulary.evidence import Estimate
 from flexid.models.flexible_joint import HARDENING, PLAY
-from flexid.recording.velocities import position_noise
 
 _BANDS = (0.5, 2.0)  # factors of the usual number of samples per period
-_PAIRS = 2  # pairs of noise of the input and its negative
 
 
 def disturbed_estimate(
@@ -65,7 +59,7 @@ def disturbed_estimate(
 
     `hidden` is the covariance, shape (k, k), from removed terms.
     """
-    fitted = found.fitted
+    fitted, logged, data = found.fitted, data, found.input.of(data)
     estimate = fitted.fit.at_least(fitted.unit_deviations)
     estimate = with_free_width(estimate, fitted)
     names = fitted.names
@@ -78,7 +72,7 @@ def disturbed_estimate(
         input_unit,
         _by_gauge(found, data),
         by_eccentricity(fitted),
-        pulled(fitted, found.sizes, data.samples, found.factor),
+        _by_input_noise(found, logged),
         found.by_play if may_have_play else 0.0,
         lagged(fitted),
         behind_a_dead_zone(fitted) if input_unit == "V" else None,
@@ -97,39 +91,13 @@ def _squares(fitted: Fitted) -> LeastSquaresFit:
     return least_squares_start(fitted.structure, fitted.data, suited_rate(fitted))[1]
 
 
-def pulled(fitted: Fitted, sizes: Sizes, recorded: Sequence[Samples], factor: int) -> FloatArray:
-    """Return the change of each value, shape (k,), if noise of the input's sensor is added again.
-
-    Noise of the input makes its gain too small (errors in variables). The mean over pairs of noise
-    and its negative removes the random part of the change.
-    """
-    noise = _sensor_noise(fitted, sizes, recorded, factor)
-    rng = np.random.default_rng(SEED)
-    held = fitted.structure.timing.hold == "zero"
-    steps = []
-    for _ in range(_PAIRS if noise > 0.0 else 0):
-        white = (replace(s, inputs=noise * rng.standard_normal(s.inputs.shape)) for s in recorded)
-        inputs = [thinned_samples(samples, factor, held=held).inputs[:, 0] for samples in white]
-        draw = np.concatenate(inputs)
-        steps += [with_more(fitted, draw)[1], with_more(fitted, -draw)[1]]
-    return np.mean(steps, axis=0) if steps else np.zeros(len(fitted.names))
-
-
-def _sensor_noise(fitted: Fitted, sizes: Sizes, recorded: Sequence[Samples], factor: int) -> float:
-    """Return the largest standard deviation of the input sensor's noise, at the log's rate.
-
-    It is at most the noise of the logged input, part of which may have moved the drive. It is also
-    at most the white noise that would explain the motor's disturbance at the resonance.
-    """
-    gain = abs(fitted.by_name.get("beta1", 0.0))
-    if gain == 0.0:
-        return 0.0
-    seen = position_noise(max(recorded, key=len).inputs[:, 0])
-    sample_time = fitted.data.samples[0].sample_time
-    resonance = 2.0 * np.pi / (PER_PERIOD * sample_time)
-    size, rate = sizes.disturbances[-1], sizes.rates[-1]
-    unexplained = size * np.sqrt(2.0 * rate / sample_time / (rate**2 + resonance**2)) / gain
-    return float(min(seen, unexplained * np.sqrt(factor)))
+def _by_input_noise(found: Disturbed, logged: Data) -> FloatArray:
+    """Return the likely error of each value, shape (k,), by noise of the input's sensor."""
+    none = np.zeros(len(found.fitted.names))
+    if found.input.left == 0.0:
+        return none
+    other = _refit(found, found.input.other_of(logged), found.factor)
+    return none if other is None else found.input.left * (other.values - found.fitted.values)
 
 
 def _by_gauge(found: Disturbed, data: Data) -> FloatArray | None:

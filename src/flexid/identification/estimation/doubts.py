@@ -61,7 +61,7 @@ class Doubted:
     by_gauge: FloatArray | None
     # (k, 3): change of gravity by encoder errors once per turn that the log allows
     by_eccentricity: FloatArray | None = None
-    by_noise: FloatArray | None = None  # (k,): change of the values by more noise of the input
+    by_noise: FloatArray | None = None  # (k,): error of the values by noise of the input
     by_play: float = 0.0  # relative increase of the stiffness if the spring has play
     by_lag: FloatArray | None = None  # (k,): error of the values if the delay may be a lag
     by_dead_zone: FloatArray | None = None  # (k,): change of the values by an amplifier's dead zone
@@ -203,11 +203,8 @@ def term_law(doubted: Doubted) -> FloatArray:
 
 
 def noise_of_the_input(doubted: Doubted) -> FloatArray:
-    """Return errors if the motor's unexplained motion is noise of the input's sensor."""
-    if doubted.by_noise is None:
-        return doubted.none
-    # Uniformly distributed between none and all of it.
-    return doubted.by_noise[:, None] / np.sqrt(3.0)
+    """Return errors by noise of the input's sensor, or since it was taken for such noise."""
+    return doubted.none if doubted.by_noise is None else doubted.by_noise[:, None]
 
 
 def looks_like_a_term(doubted: Doubted) -> FloatArray:
