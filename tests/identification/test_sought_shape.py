@@ -17,7 +17,13 @@ from flexid.identification.full_model.model import Fitted
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.structure.shapes import fit_with_shape
-from flexid.identification.structure.sought_terms import BEND, RIPPLE, STRIBECK, TRANSMISSION
+from flexid.identification.structure.sought_terms import (
+    BEND,
+    PRESLIDING,
+    RIPPLE,
+    STRIBECK,
+    TRANSMISSION,
+)
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import HARDENING, PAPER_TERMS
@@ -280,6 +286,15 @@ def test_friction_that_rises_with_the_speed_is_no_stribeck_friction():
         own = fitted(made(4, 4.0)).structure
         fit: Any = SimpleNamespace(by_name={"alpha_stribeck": size}, structure=own)
         assert replace(STRIBECK, least=lambda _: 0.0).is_seen_in(fit) == seen
+
+
+@pytest.mark.parametrize(("reach", "seen"), [(1.5, True), (0.7, False)])
+def test_presliding_along_a_path_within_the_noise_is_not_seen(reach, seen):
+    """Assert that a reach, given in standard deviations of the noise, must exceed it."""
+    plain = fitted(made(4, 4.0))
+    own = PRESLIDING.put(plain.structure, 1.0 / (reach * plain.data.noise[-1]))
+    fit: Any = SimpleNamespace(by_name={}, structure=own, data=plain.data)
+    assert PRESLIDING.is_seen_in(fit) == seen
 
 
 def test_which_structures_have_a_shape():

@@ -80,5 +80,5 @@ def made_result(model_error: evidence.ModelError | None = None) -> Identificatio
         summary=("Model: gravity, motor_coulomb.",),
         warnings=("a warning",),
         provenance={"flexid_version": "0"},
-        disturbances=evidence.Disturbances({"link": 0.021, "motor": 0.13}, 0.004),
+        disturbances=evidence.Disturbances({"link": 0.021, "motor": 0.13}, 0.004, 0.02),
     )

@@ -108,6 +108,8 @@ def residual_lines(result: Identification) -> Iterator[str]:
     shares = result.disturbances.shares.items()
     listed = ", ".join(f"{name} {100.0 * share:.2g} %" for name, share in shares)
     yield f"Unexplained acceleration: {listed}"
+    if noise := result.disturbances.input_noise:
+        yield f"Noise removed from the input: {noise:.2g} {result.input_unit}"
 
 
 def _horizons(validation: Validation) -> Iterator[str]:

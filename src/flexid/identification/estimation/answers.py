@@ -314,7 +314,8 @@ def _disturbed(job: Job) -> Answer:
     # Every drive has friction, and disturbances may hide it.
     hidden = hidden_covariance(fits, certain=DISSIPATIVE)
     estimate, widest = disturbed_estimate(refitted, whole, job.input_unit, hidden)
-    disturbances = Disturbances(refitted.shares, refitted.fitted.data.samples[0].sample_time)
+    sample_time = refitted.fitted.data.samples[0].sample_time
+    disturbances = Disturbances(refitted.shares, sample_time, refitted.input.removed_from(whole))
     found = Answer(fits, validation, estimate, disturbances, refitted.cost, widest)
     return _judged(found, undisturbed, job)
 

@@ -40,6 +40,10 @@ class InputChoice:
         """Return a log with the chosen input."""
         return without_input_noise(data) if self.without_noise else data
 
+    def removed_from(self, data: Data) -> float:
+        """Return the standard deviation of the noise removed from a log's input."""
+        return _noise(data) if self.without_noise else 0.0
+
     def other_of(self, data: Data) -> Data:
         """Return a log with the input that was not chosen."""
         return data if self.without_noise else without_input_noise(data)

@@ -210,6 +210,16 @@ def grips(structure: Structure, data: Data) -> list[float]:
     return [1.0 / (share * moved) for share in _REACHES] if moved > 0.0 else []
 
 
+def _is_resolved(fitted: Fitted) -> bool:
+    """Whether presliding acts along a path longer than the encoder's noise.
+
+    Along a shorter one it describes the sampled direction of motion. Friction that rises with the
+    speed beside presliding is a wrong minimum.
+    """
+    grip = fitted.structure.joint.first[PRESLIDING_GRIP]
+    return STRIBECK.is_possible(fitted) and grip * float(fitted.data.noise[-1]) < 1.0
+
+
 PRESLIDING = SoughtShape(
     "presliding friction",
     frozenset(SHAPE_TERMS["motor_presliding"].coefficients),
@@ -217,7 +227,7 @@ PRESLIDING = SoughtShape(
     grips,
     lambda joint, _: joint.first[PRESLIDING_GRIP],
     in_place_of=STRIBECK.coefficients,
-    is_possible=STRIBECK.is_possible,  # with presliding, friction may seem to rise
+    is_possible=_is_resolved,
 )
 """Presliding of the motor's friction, and one over the path along which friction reverses."""
 

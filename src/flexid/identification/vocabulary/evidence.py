@@ -269,3 +269,4 @@ class Disturbances:
     # root mean square of the unexplained part over the acceleration, by balance (link or motor)
     shares: Mapping[str, float]
     sample_time: float  # of the thinned log that was fitted, in s
+    input_noise: float = 0.0  # noise removed from the input, in its unit; 0 if taken as logged
