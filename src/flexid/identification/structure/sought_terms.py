@@ -213,8 +213,8 @@ def grips(structure: Structure, data: Data) -> list[float]:
 def _is_resolved(fitted: Fitted) -> bool:
     """Whether presliding acts along a path longer than the encoder's noise.
 
-    Along a shorter one it describes the sampled direction of motion. Friction that rises with the
-    speed beside presliding is a wrong minimum.
+    Along a shorter one it describes the sampled direction of motion. With presliding, friction that
+    rises with the speed is a wrong minimum.
     """
     grip = fitted.structure.joint.first[PRESLIDING_GRIP]
     return STRIBECK.is_possible(fitted) and grip * float(fitted.data.noise[-1]) < 1.0
