@@ -34,7 +34,6 @@ from flexid.identification.estimation.final_fits import (
     hidden_covariance,
     with_doubts,
 )
-from flexid.identification.estimation.model_error import behind_a_dead_zone, by_other_laws, lagged
 from flexid.identification.estimation.spring_doubts import delay_doubts, doubts_of_spring
 from flexid.identification.full_model.fits_by_length import (
     TURNING,
@@ -242,17 +241,7 @@ def _exact(job: Job, fits: FinalFits, validation: Validation) -> Answer:
     doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (unit == "V")
     if reported.excess > thresholds.sensor_excess:
         doubts += (another_law,)
-    dead_zone = behind_a_dead_zone(reported) if unit == "V" else None
-    doubted = Doubted(
-        reported,
-        {},
-        {},
-        unit,
-        None,
-        by_lag=lagged(reported),
-        by_dead_zone=dead_zone,
-        by_laws=by_other_laws(reported),
-    )
+    doubted = Doubted(reported, {}, {}, unit)
     errors = [(covariance_of(doubt(doubted)), DOUBTS[doubt]) for doubt in doubts]
     errors.append((covariance_of(between_lengths(fits, thresholds)), OF_A_LENGTH))
     estimate, widest = widened(estimate, errors)

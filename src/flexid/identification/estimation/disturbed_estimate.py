@@ -35,9 +35,6 @@ from flexid.identification.estimation.doubts import (
 from flexid.identification.estimation.excitations import row_sizes
 from flexid.identification.estimation.model_error import (
     SEED,
-    behind_a_dead_zone,
-    by_other_laws,
-    lagged,
     with_more,
 )
 from flexid.identification.estimation.rig_errors import (
@@ -80,9 +77,6 @@ def disturbed_estimate(
         by_eccentricity(fitted),
         pulled(fitted, found.sizes, data.samples, found.factor),
         found.by_play if may_have_play else 0.0,
-        lagged(fitted),
-        behind_a_dead_zone(fitted) if input_unit == "V" else None,
-        by_other_laws(fitted),
     )
     errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]
     if fitted.converged:  # otherwise there is nothing to compare other fits with

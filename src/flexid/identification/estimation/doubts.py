@@ -14,6 +14,11 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import INPUT
+from flexid.identification.estimation.model_error import (
+    behind_a_dead_zone,
+    by_other_laws,
+    lagged,
+)
 from flexid.identification.full_model.model import Fitted
 from flexid.identification.vocabulary.evidence import Estimate, balance_of
 from flexid.models import flexible_joint as declared
@@ -58,14 +63,11 @@ class Doubted:
     shares: dict[str, float]  # unexplained over whole acceleration of each balance
     input_unit: str
     # (k,): change of the values if the deflection sensor reads 1 % more; None without such a sensor
-    by_gauge: FloatArray | None
+    by_gauge: FloatArray | None = None
     # (k, 3): change of gravity by encoder errors once per turn that the log allows
     by_eccentricity: FloatArray | None = None
     by_noise: FloatArray | None = None  # (k,): change of the values by more noise of the input
     by_play: float = 0.0  # relative increase of the stiffness if the spring has play
-    by_lag: FloatArray | None = None  # (k,): error of the values if the delay may be a lag
-    by_dead_zone: FloatArray | None = None  # (k,): change of the values by an amplifier's dead zone
-    by_laws: FloatArray | None = None  # (k, m): change of the values by other laws of a term
 
     @property
     def none(self) -> FloatArray:
@@ -166,12 +168,13 @@ def _of_balance(fitted: Fitted, balance: str) -> FloatArray:
 
 def lag(doubted: Doubted) -> FloatArray:
     """Return errors if the input's delay is a first-order lag, which reduces the input."""
-    return doubted.none if doubted.by_lag is None else doubted.by_lag[:, None]
+    return lagged(doubted.fitted)[:, None]
 
 
 def dead_zone(doubted: Doubted) -> FloatArray:
     """Return errors by an amplifier's dead zone, which reduces voltages."""
-    return doubted.none if doubted.by_dead_zone is None else doubted.by_dead_zone[:, None]
+    is_voltage = doubted.input_unit == "V"
+    return behind_a_dead_zone(doubted.fitted)[:, None] if is_voltage else doubted.none
 
 
 def play(doubted: Doubted) -> FloatArray:
@@ -199,7 +202,7 @@ def another_law(doubted: Doubted) -> FloatArray:
 
 def term_law(doubted: Doubted) -> FloatArray:
     """Return errors if a term follows a law between its own and another usual one."""
-    return doubted.none if doubted.by_laws is None else doubted.by_laws / np.sqrt(3.0)
+    return by_other_laws(doubted.fitted) / np.sqrt(3.0)
 
 
 def noise_of_the_input(doubted: Doubted) -> FloatArray:

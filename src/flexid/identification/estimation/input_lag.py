@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, after_a_lag
-from flexid.estimators.prediction_error import NEGLIGIBLE, minimise
+from flexid.estimators.prediction_error import NEGLIGIBLE, Steps, minimise
 from flexid.identification.estimation.model_error import filtered_input
 from flexid.identification.full_model.model import Fitted
 
@@ -82,7 +82,7 @@ def _with_lag(
     driven = replace(problem, segments=replace(problem.segments, inputs=inputs))
     start = replace(point, values=fitted.values - lag * _is_delay(fitted))
     try:
-        found = minimise(driven, start, NEGLIGIBLE, insist=False, iterations=iterations)
+        found = minimise(driven, start, Steps(NEGLIGIBLE, insist=False, iterations=iterations))
     except ConvergenceError:
         return np.inf, fitted.values
     return found.equations.cost, found.point.values

@@ -26,9 +26,9 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, after_a_lag, before_a_lag
-from flexid.estimators.prediction_error import minimise
+from flexid.estimators.prediction_error import ROUGH, Steps, minimise
 from flexid.identification.full_model.fitting import beyond_noise, expanded, fit_like
-from flexid.identification.full_model.model import ROUGH, Fitted, once_per_fit
+from flexid.identification.full_model.model import Fitted, once_per_fit
 from flexid.identification.preparation.recordings import Amplifier
 from flexid.identification.structure.gap import CHANCE, is_dead_zone
 from flexid.identification.structure.sought_terms import (
@@ -160,7 +160,7 @@ def _growth(
 
 
 _DRAWS = 16
-_FEW = 6  # Gauss-Newton steps to another law
+_FEW = Steps(ROUGH, insist=False, iterations=6)  # to another law
 _SPREAD = 3.0  # standard deviations of the effect of one log's noise
 SEED = 20031
 _DEAD_ZONE = 0.02  # standard deviation over the largest input: amplifiers have up to 4 %
@@ -244,9 +244,8 @@ def by_other_laws(fitted: Fitted) -> FloatArray:
     hidden, changes = CHANCE * max(fitted.excess, 1.0) + beyond, []
     for structure in with_other_laws(fitted.ended):
         seen = expanded(structure.with_hold(fitted.problem.timing.hold), fitted)
-        start, rest = seen.minimum.point, {"insist": False, "iterations": _FEW}
         with suppress(ConvergenceError):
-            other = minimise(seen.problem, start, ROUGH, **rest)
+            other = minimise(seen.problem, seen.minimum.point, _FEW)
             rise = other.equations.cost - fitted.minimum.equations.cost
             is_exact = fitted.problem.observer is None
             share = _hidden_share(rise, hidden) if is_exact else 1.0

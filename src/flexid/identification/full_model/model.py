@@ -14,7 +14,7 @@ from typing_extensions import TypeVar
 
 from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.prediction_error import FLAT, Minimum, described
+from flexid.estimators.prediction_error import FLAT, ROUGH, Minimum, described
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import SegmentedMotion
 from flexid.estimators.unknowns import Bounds, Unknowns
@@ -27,9 +27,6 @@ from flexid.recording.velocities import position_noise
 
 LINK = "link_delay"
 """Name of the delay of the link's position."""
-
-ROUGH, FINE = 1.0, 1e-2
-"""Length of the last step, in standard deviations, of an intermediate and of a final fit."""
 
 _MARGIN = 0.03  # s
 _LARGEST_MARGIN = 0.05  # of a recording

@@ -21,13 +21,12 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
+from flexid.estimators.prediction_error import USUAL, Steps
 from flexid.estimators.samples import Segments, first_states, side_by_side
 from flexid.estimators.state_variable_filter import FASTEST, LeastSquaresFit, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model.fitting import (
     FIRST_STEPS,
-    USUAL,
-    Steps,
     fit_by_length,
     in_part,
     motion_at,

@@ -11,6 +11,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import INPUT
+from flexid.estimators.prediction_error import ROUGH
 from flexid.identification.full_model.amplifier import shows_saturation
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
@@ -19,7 +20,7 @@ from flexid.identification.full_model.fits_by_length import (
     is_acceptable,
 )
 from flexid.identification.full_model.fitting import ON_THE_WAY, fit_from, fit_like
-from flexid.identification.full_model.model import ROUGH, Fitted, Structure
+from flexid.identification.full_model.model import Fitted, Structure
 from flexid.identification.structure.elimination import eliminate, latest, leanest
 from flexid.identification.structure.gap import settled
 from flexid.identification.structure.sought_terms import SOUGHT_COEFFICIENTS

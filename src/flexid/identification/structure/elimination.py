@@ -15,8 +15,9 @@ from scipy.special import fdtrc
 
 from flexid.arrays import FloatArray
 from flexid.estimators.normal_equations import least_with, scaled_inverse
+from flexid.estimators.prediction_error import ROUGH
 from flexid.identification.full_model.fitting import fit_like
-from flexid.identification.full_model.model import LINK, ROUGH, Fitted, Structure
+from flexid.identification.full_model.model import LINK, Fitted, Structure
 from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE
