@@ -22,9 +22,9 @@ from flexid.identification.estimation.excitations import (
 from flexid.identification.estimation.model_error import (
     driving_covariance,
     driving_frictions,
-    error_of,
+    model_error,
     stand_in_covariance,
-    widened_by,
+    widened,
 )
 from flexid.identification.full_model.fits_by_length import hold_covariance
 from flexid.identification.full_model.fitting import (
@@ -77,7 +77,7 @@ class FinalFits:
     @cached_property
     def in_full(self) -> Estimate:
         """Estimate of the full model."""
-        return widened_by(self.full, self.error)
+        return widened(self.full, self.error)
 
     @cached_property
     def squares(self) -> LeastSquaresFit:
@@ -169,7 +169,7 @@ def final_fits(
             reported, lengths_fitted, retreat = _reported(other, whole, fallback=False)
             choice = replace(choice, structure=likelier.structure)
     choice = _as_reported(choice, reported)
-    error = error_of(reported, lengths_fitted, thresholds)
+    error = model_error(reported, lengths_fitted, thresholds)
     rate = suited_rate(reported, filter_rate)
     full = _full(choice, reported)
     driving = driving_frictions(reported, thresholds)
@@ -181,7 +181,7 @@ def final_fits(
 def with_doubts(fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds) -> Estimate:
     """Return the estimate with all doubts in its covariance."""
     reported, error = fits.reported, fits.error
-    estimate = with_free_width(widened_by(reported, error), reported)
+    estimate = with_free_width(widened(reported, error), reported)
     estimate = estimate.widened(hidden_covariance(fits))
     estimate = estimate.widened(hold_covariance(reported, fits.choice.by_length.tied))
     estimate = estimate.widened(stand_in_covariance(reported, error, thresholds))

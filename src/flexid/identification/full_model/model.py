@@ -3,11 +3,10 @@
 The unknowns are the coefficients of the joint and the delays of the recording's channels.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, wraps
-from typing import Concatenate, Generic, ParamSpec
-from weakref import WeakKeyDictionary
+from functools import cached_property
+from typing import Generic
 
 import numpy as np
 from typing_extensions import TypeVar
@@ -295,27 +294,3 @@ class Fitted(Generic[M]):
     def delays(self) -> dict[str, float]:
         """All delays in s, by name."""
         return self.problem.delays(self.values)
-
-
-Rest = ParamSpec("Rest")
-Result = TypeVar("Result")
-
-
-def once_per_fit(
-    function: Callable[Concatenate[Fitted, Rest], Result],
-) -> Callable[Concatenate[Fitted, Rest], Result]:
-    """Cache a function of a fit and of further hashable arguments, as long as the fit exists.
-
-    The cache does not keep the fit alive, since a fit refers to all data of its log.
-    """
-    kept: WeakKeyDictionary[Fitted, dict[object, Result]] = WeakKeyDictionary()
-
-    @wraps(function)
-    def wrapper(fitted: Fitted, *args: Rest.args, **kwargs: Rest.kwargs) -> Result:
-        own = kept.setdefault(fitted, {})
-        key = (args, *sorted(kwargs.items()))
-        if key not in own:
-            own[key] = function(fitted, *args, **kwargs)
-        return own[key]
-
-    return wrapper
