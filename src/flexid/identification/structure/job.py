@@ -13,7 +13,6 @@ from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
     explains,
     fit_full_model,
-    fit_with_hysteresis,
     turning,
 )
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure, data_of
@@ -46,7 +45,6 @@ from flexid.identification.structure.validation import misprediction, validate
 from flexid.identification.vocabulary import Progress, silent
 from flexid.identification.vocabulary.evidence import Validation
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
-from flexid.models.flexible_joint import HYSTERESIS
 from flexid.recording.recording import Hold, Recording
 
 MEASURED_HOLD: Hold = "cubic"
@@ -284,15 +282,13 @@ def _further_searches(
     choice: Choice, job: Job
 ) -> Iterator[Callable[[Choice], FitsByLength | None]]:
     """Yield searches for further terms, each a function of the choice so far."""
-    by_length, rest = choice.by_length, (job.progress, job.thresholds)
+    by_length = choice.by_length
     full = by_length.found[-1]
     before = turning(by_length.found, job.thresholds)
     if before is None and by_length.has_longer(full):  # which has failed, for want of a term
         before = full
     late = []
     if before is not None and before.unexplained_over(TURNING) <= job.thresholds.shape_motion:
-        if full.structure.absent >= HYSTERESIS:
-            yield lambda _: fit_with_hysteresis(by_length, before, *rest)
         for shape in (shape for shape in SOUGHT if not shape.is_in(full)):
             search = partial(_with_shape, shape, by_length, before, job)
             if shape in (TRANSMISSION, PRESLIDING):  # play is more common
