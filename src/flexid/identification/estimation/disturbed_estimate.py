@@ -14,7 +14,6 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.samples import Samples, side_by_side
-from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.estimators.steady_gains import Sizes
 from flexid.identification.estimation.band import fit_in_band
 from flexid.identification.estimation.disturbed import Disturbed
@@ -68,9 +67,10 @@ def disturbed_estimate(
     names = fitted.names
     # A spring that hardens may be one with play.
     may_have_play = PLAY.isdisjoint(names) and not HARDENING.isdisjoint(names)
+    squares = least_squares_start(fitted.structure, fitted.data, suited_rate(fitted))[1]
     doubted = Doubted(
         fitted,
-        row_sizes(_squares(fitted).rows),
+        row_sizes(squares.rows),
         dict(found.shares),
         input_unit,
         _by_gauge(found, data),
@@ -80,15 +80,12 @@ def disturbed_estimate(
     )
     errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]
     if fitted.converged:  # otherwise there is nothing to compare other fits with
-        own, halves = Repeat(fitted.values, np.diag(estimate.covariance)), _halves(found, data)
+        own = Repeat(fitted.values, np.diag(estimate.covariance))
         errors.append((between_bands(own, _in_other_bands(found, data)), OF_A_BAND))
-        errors += [(between_halves(*halves), OF_A_HALF)] if halves else []
+        one, other = side_by_side(lambda half: _refit(found, half, found.factor), data.halves())
+        errors += [(between_halves(one, other), OF_A_HALF)] if one and other else []
     every = [(covariance_of(directions), words) for directions, words in errors]
     return widened(estimate, [*every, (np.broadcast_to(hidden, estimate.covariance.shape), HIDDEN)])
-
-
-def _squares(fitted: Fitted) -> LeastSquaresFit:
-    return least_squares_start(fitted.structure, fitted.data, suited_rate(fitted))[1]
 
 
 def pulled(fitted: Fitted, sizes: Sizes, recorded: Sequence[Samples], factor: int) -> FloatArray:
@@ -185,12 +182,6 @@ def _in_other_bands(found: Disturbed, data: Data) -> list[Repeat]:
     }
     others = side_by_side(lambda factor: _refit(found, data, factor), sorted(factors))
     return [other for other in others if other is not None]
-
-
-def _halves(found: Disturbed, data: Data) -> tuple[Repeat, Repeat] | None:
-    """Fit the structure to either half of every recording; None if one of the fits fails."""
-    first, second = side_by_side(lambda half: _refit(found, half, found.factor), data.halves())
-    return (first, second) if first and second else None
 
 
 def _refit(found: Disturbed, data: Data, factor: int) -> Repeat | None:

@@ -100,7 +100,9 @@ def further_modes(doubted: Doubted) -> FloatArray:
 
 def cable(doubted: Doubted) -> FloatArray:
     """Return errors of gravity by a cable that pulls the link back."""
-    return doubted.diagonal(lambda name, _: _CABLE * _inverse_size(doubted, name, LINK_GRAVITY))
+    gravity = {name: doubted.sizes.get(name, 0.0) for name in LINK_GRAVITY}
+    torques = {name: _CABLE / size for name, size in gravity.items() if size}
+    return doubted.diagonal(lambda name, _: torques.get(name, 0.0))
 
 
 def eccentric_encoders(doubted: Doubted) -> FloatArray:
@@ -321,8 +323,3 @@ def widened(
         most = np.diag(covariance) > 0.5 * np.diag(estimate.covariance)
         causes |= dict.fromkeys(np.array(estimate.names)[most].tolist(), words)
     return estimate, causes
-
-
-def _inverse_size(doubted: Doubted, name: str, of: frozenset[str]) -> float:
-    size = doubted.sizes.get(name, 0.0)
-    return 1.0 / size if size and name in of else 0.0

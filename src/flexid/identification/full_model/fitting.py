@@ -212,7 +212,10 @@ def fit_to(
     states = last.minimum.point.initial_states
     nearly = {**shapes, **last.by_name}
     fitted = in_own_steps(refit(structure, data, nearly, divisions[-1], FINE, states))
-    return fitted, [*found[:-1], fitted, *_over_doubled_lengths(fitted)]
+    longer = [fitted.problem.segments]
+    while len(longer) < 3 and (doubled := longer[-1].merged()) is not None:
+        longer.append(doubled)
+    return fitted, [*found[:-1], fitted, *longer_fits(fitted, longer[1:])]
 
 
 def expanded(structure: Structure[M], fitted: Fitted[M]) -> Fitted[M]:
@@ -234,14 +237,6 @@ def expanded(structure: Structure[M], fitted: Fitted[M]) -> Fitted[M]:
     equations = problem.equations(point)
     minimum = Minimum(point, equations, problem.solve(equations), 0, np.inf)
     return Fitted(structure, fitted.data, problem, minimum, fitted.duration)
-
-
-def _over_doubled_lengths(fitted: Fitted) -> list[Fitted]:
-    """Return fits over segments of twice and four times the length, if the data allow them."""
-    divisions = [fitted.problem.segments]
-    while len(divisions) < 3 and (longer := divisions[-1].merged()) is not None:
-        divisions.append(longer)
-    return longer_fits(fitted, divisions[1:])
 
 
 def refit(

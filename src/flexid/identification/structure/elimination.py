@@ -83,7 +83,8 @@ def leanest(
         return other
     saved = usual.minimum.equations.cost - unusual.minimum.equations.cost
     worth = thresholds.exchange_fall * (1 + len(unusual.names) - len(usual.names))
-    return other if saved > worth * _Quadratic.of(full).chance_fall else found
+    by_chance = float(np.median(_Quadratic.of(full).factors)) ** 2  # for one more coefficient
+    return other if saved > worth * by_chance else found
 
 
 def eliminate(
@@ -186,11 +187,6 @@ class _Quadratic:
             np.maximum(np.where(usable, factors, middle), 1.0),
             np.where(usable & (freedom > 0.0), freedom, 5.0),
         )
-
-    @property
-    def chance_fall(self) -> float:
-        """Mean fall of the sum of squares that chance gives for one more coefficient."""
-        return float(np.median(self.factors)) ** 2
 
     def chance(self, group: list[int], values: FloatArray, covariance: FloatArray) -> float:
         """Return the chance of values as large if all are zero; one if a value is free."""

@@ -315,7 +315,10 @@ def fit_with_play(
             best = found
     if not best:
         return None
-    last = _with_likelier_damping(as_wide_as_its_gap(best[-1]))
+    last = as_wide_as_its_gap(best[-1])
+    laws = [fit_like(law, last) for law in with_other_damping(last.structure)]
+    every = [last, *(as_wide_as_its_gap(other) for other in laws if other is not None)]
+    last = min(every, key=lambda own: own.excess)
     as_long = [f for f in by_length.found if f.duration <= last.duration] or by_length.found[:1]
     before = as_long[-1].excess
     if half_gap(last) <= 0.0 or before - last.excess < thresholds.shape_share * (before - floor):
@@ -324,13 +327,6 @@ def fit_with_play(
         return None
     found = [last, *by_length.longer(last, thresholds)]
     return by_length.with_term(found, thresholds)
-
-
-def _with_likelier_damping(fitted: Fitted) -> Fitted:
-    """Return the fit with play and the likelier law of the spring's damping."""
-    others = [fit_like(other, fitted) for other in with_other_damping(fitted.structure)]
-    every = [fitted, *(as_wide_as_its_gap(other) for other in others if other is not None)]
-    return min(every, key=lambda own: own.excess)
 
 
 class LikelyPlay(NamedTuple):

@@ -212,25 +212,10 @@ def predicting(job: Job) -> tuple[Choice, Validation]:
     described without.
     """
     if not job.delay_in_doubt:
-        return _without_harmful_delay(job, _predicting(job))
+        return _predicting(job)
     found = _predicting(replace(job, left_out=job.left_out | {LINK}))
     impossible = doubtful(found[0].fitted.by_name) - job.kept
     return _predicting(replace(job, left_out=impossible)) if impossible else found
-
-
-def _without_harmful_delay(job: Job, found: tuple[Choice, Validation]) -> tuple[Choice, Validation]:
-    """Return `found`, or for a link alone the fit without delay if that predicts far better.
-
-    A late encoder acts like damping. Together they may fit an effect that no term describes, and
-    then drift away in a free run.
-    """
-    fitted, thresholds = found[0].fitted, job.thresholds
-    explained = fitted.excess <= thresholds.sensor_excess
-    if job.joint.kind != "link" or LINK not in fitted.structure.timing.sought or explained:
-        return found
-    other = _predicting(replace(job, left_out=job.left_out | {LINK}))
-    better = misprediction(other[1]) < misprediction(found[1]) - thresholds.generous_gain
-    return other if better else found
 
 
 def _predicting(job: Job) -> tuple[Choice, Validation]:
