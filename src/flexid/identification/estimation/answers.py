@@ -129,10 +129,8 @@ def answer(job: Job) -> Answer:
 
 
 def _searched(job: Job) -> tuple[Choice, Validation]:
-    """Return the structure and its predictions; of a log that is too long, from a part of it.
-
-    A structure from a part must explain it, since the part may not show every term.
-    """
+    """Return the structure and its predictions; of a log that is too long, from a part of it."""
+    # A structure from a part must explain it, since the part may not show every term.
     try:
         with within(_MOST_STEPS):
             return predicting(job)

@@ -141,10 +141,8 @@ def _doubtful_play(full: FitInBand, data: Data) -> float:
 
 
 def _likeliest(tried: Sequence[Structure], data: Data, factor: int) -> FitInBand:
-    """Return the likeliest fit of several structures from least-squares starts.
-
-    If the motion diverges from all of these, further starts are tried.
-    """
+    """Return the likeliest fit of several structures from least-squares starts."""
+    # If the motion diverges from all of these, further starts are tried.
     begun = (
         (structure, start)
         for structure in tried
@@ -210,10 +208,8 @@ def _is_known(fit: FitInBand) -> bool:
 
 
 def _leaves_more(leaner: FitInBand, fuller: FitInBand) -> bool:
-    """Whether the leaner fit is less likely and leaves clearly more unexplained.
-
-    Both are required. A fit may be in a wrong minimum whose sizes explain all motion as noise.
-    """
+    """Whether the leaner fit is less likely and leaves clearly more unexplained."""
+    # Both are required. A fit may be in a wrong minimum whose sizes explain all motion as noise.
     before, after = (
         # If no sizes fit the residuals, innovations are larger than the sizes predict.
         sum(shares_of(f.fitted, f.sizes).values()) * f.fitted.excess**0.5

@@ -107,11 +107,9 @@ def pulled(fitted: Fitted, sizes: Sizes, recorded: Sequence[Samples], factor: in
 
 
 def _sensor_noise(fitted: Fitted, sizes: Sizes, recorded: Sequence[Samples], factor: int) -> float:
-    """Return the largest standard deviation of the input sensor's noise, at the log's rate.
-
-    It is at most the noise of the logged input, part of which may have moved the drive. It is also
-    at most the white noise that would explain the motor's disturbance at the resonance.
-    """
+    """Return the largest standard deviation of the input sensor's noise, at the log's rate."""
+    # It is at most the noise of the logged input, part of which may have moved the drive. It is
+    # also at most the white noise that would explain the motor's disturbance at the resonance.
     gain = abs(fitted.by_name.get("beta1", 0.0))
     if gain == 0.0:
         return 0.0

@@ -159,10 +159,8 @@ def coil_error(fitted: Fitted, lag: float) -> FloatArray:
 
 
 def _of_balance(fitted: Fitted, balance: str) -> FloatArray:
-    """Return the coefficients of a balance among a fit's values, shape (k,); the others are 0.
-
-    Delays and constants of terms, such as velocities, are no coefficients.
-    """
+    """Return the coefficients of a balance among a fit's values, shape (k,); the others are 0."""
+    # Delays and constants of terms, such as velocities, are no coefficients.
     others = {*fitted.structure.timing.sought, *fitted.structure.joint.nonlinear.values()}
     own = [balance_of(name) == balance and name not in others for name in fitted.names]
     return np.where(own, fitted.values, 0.0)

@@ -223,10 +223,8 @@ def _reported(
 
 
 def _with_another_law(reported: Fitted) -> Fitted | None:
-    """Return the fit with another law of a term if it is clearly likelier, or None.
-
-    The search compares laws with coarse integration steps, whose error hides small differences.
-    """
+    """Return the fit with another law of a term if it is clearly likelier, or None."""
+    # The search compares laws with coarse integration steps, whose error hides small differences.
     least = reported.minimum.equations.cost - CHANCE * max(reported.excess, 1.0)
     for structure in with_other_laws(reported.structure):
         other = fit_like(structure, reported) or fit_from(reported, structure, steps=EXPLORING)
@@ -236,10 +234,8 @@ def _with_another_law(reported: Fitted) -> Fitted | None:
 
 
 def _full(choice: Choice, reported: Fitted) -> Fitted:
-    """Fit the model with all usual terms, for intervals of removed ones.
-
-    It takes the same integration steps as the reported fit, so differences come from terms alone.
-    """
+    """Fit the model with all usual terms, for intervals of removed ones."""
+    # It takes the same integration steps as the reported fit, so differences come from terms alone.
     shapes = choice.structure.joint.shapes & choice.structure.absent
     usual = replace(
         choice.full,

@@ -72,10 +72,8 @@ def lag_error(fitted: Fitted, lag: float) -> FloatArray:
 def _with_lag(
     fitted: Fitted, lag: float, iterations: int = _ITERATIONS
 ) -> tuple[float, FloatArray]:
-    """Return the least cost and the values, shape (k,), with a lag in s in place of some delay.
-
-    The cost is infinite if the motion diverges.
-    """
+    """Return the least cost and the values, shape (k,), with a lag in s in place of some delay."""
+    # The cost is infinite if the motion diverges.
     problem, point = fitted.problem, fitted.minimum.point
     inputs = problem.segments.inputs.copy()
     inputs[:, 0] = filtered_input(fitted, after_a_lag, lag)

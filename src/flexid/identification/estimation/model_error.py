@@ -210,10 +210,8 @@ def with_more(fitted: Fitted, noise: FloatArray) -> tuple[float, FloatArray]:
 
 
 def _change(fitted: Fitted, signal: FloatArray, values: FloatArray) -> tuple[float, FloatArray]:
-    """Return the changes of the least cost and of the values, shape (k,), under another input.
-
-    They come from one step from the given values.
-    """
+    """Return the changes of the least cost and of the values, shape (k,), under another input."""
+    # They come from one step from the given values.
     problem, minimum = fitted.problem, fitted.minimum
     inputs = problem.segments.inputs.copy()
     inputs[:, 0] = signal

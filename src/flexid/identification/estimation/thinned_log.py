@@ -143,10 +143,8 @@ def _velocity(position: FloatArray, sample_time: float, window: int) -> tuple[Fl
 
 
 def _is_slow(rate: FloatArray, deviation: float) -> NDArray[np.bool_]:
-    """Return where a row is nearly at rest, so that its friction follows no simple law.
-
-    This is nowhere if noise hides whether the row is slow.
-    """
+    """Return where a row is nearly at rest, so that its friction follows no simple law."""
+    # This is nowhere if noise hides whether the row is slow.
     slow = _SLOW * np.sqrt(np.mean(rate**2))
     return (np.abs(rate) <= slow) & (_BY_NOISE * deviation <= slow)
 

@@ -93,10 +93,8 @@ def nearly_explains(fitted: Fitted, thresholds: Thresholds) -> bool:
 def _longer(
     first: Fitted, divisions: Sequence[Segments], thresholds: Thresholds, *, exact: bool
 ) -> list[Fitted]:
-    """Return fits over longer segments.
-
-    Unless `exact`, the series ends after a fit that leaves too much to be reported.
-    """
+    """Return fits over longer segments."""
+    # Unless `exact`, the series ends after a fit that leaves too much to be reported.
 
     def should_continue(fitted: Fitted) -> bool:
         return exact or fitted.duration < TURNING or is_acceptable(fitted, thresholds)
@@ -301,11 +299,9 @@ def best_hold(
 
 
 def _misfits(found: Sequence[Fitted]) -> FloatArray:
-    """Return -2 log probability of each hold, up to a constant.
-
-    A delay of zero is common in controllers. Any other delay has a uniform prior up to the margin
-    of the data, so a delay of just half a sample is an unlikely coincidence (Bayes factor).
-    """
+    """Return -2 log probability of each hold, up to a constant."""
+    # A delay of zero is common in controllers. Any other delay has a uniform prior up to the margin
+    # of the data, so a delay of just half a sample is an unlikely coincidence (Bayes factor).
     scale = residual_variance(found)
     misfits = np.array([fitted.minimum.equations.cost for fitted in found]) / scale
     for i, fitted in enumerate(found):

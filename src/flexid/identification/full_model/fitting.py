@@ -114,11 +114,9 @@ def longer_fits(
 
 
 def _explained_over(longest: Segments, short: Fitted) -> Fitted | None:
-    """Return a fit over the longest segments if it leaves no more than the short ones, or None.
-
-    The short fit must determine inertias and stiffness. Otherwise several minima may explain the
-    log, and the lengths between are needed.
-    """
+    """Return a fit over the longest segments if it leaves no more than the short ones, or None."""
+    # The short fit must determine inertias and stiffness. Otherwise several minima may explain the
+    # log, and the lengths between are needed.
     if short.excess > THRESHOLDS.sensor_excess or not _is_known(short):
         return None
     with suppress(ConvergenceError):

@@ -148,10 +148,8 @@ def eliminate(
 
 
 def _groups(fitted: Fitted, kept: Collection[str]) -> tuple[list[list[int]], list[bool]]:
-    """Return, for each name, the places of its term's coefficients and whether they may go.
-
-    If logs have their own values, a group has the coefficients of one log.
-    """
+    """Return, for each name, the places of its term's coefficients and whether they may go."""
+    # If logs have their own values, a group has the coefficients of one log.
     joint, delays = fitted.structure.joint, fitted.structure.timing.sought
     term_of = {c: term for term, coefficients in joint.terms.items() for c in coefficients}
     term_of |= {own: own for own in joint.nonlinear.values()}  # these follow their term untested

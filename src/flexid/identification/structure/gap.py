@@ -138,11 +138,9 @@ def _with_width(fitted: Fitted, width: float) -> Fitted | None:
 
 
 def _no_worse(found: Fitted, fitted: Fitted) -> bool:
-    """Whether a fit explains more than another, or as much with a width nearer to its gap.
-
-    For a spring without play, the centre must be nearer to the torque-free deflection. Width and
-    gap are equal near the least sum of squares, not exactly at it.
-    """
+    """Whether a fit explains more than another, or as much with a width nearer to its gap."""
+    # For a spring without play, the centre must be nearer to the torque-free deflection. Width and
+    # gap are equal near the least sum of squares, not exactly at it.
     fall = fitted.minimum.equations.cost - found.minimum.equations.cost
     nearer = abs(_off_centre(found)) < _NEARER * abs(_off_centre(fitted))
     if half_gap(fitted) > 0.0:
@@ -393,10 +391,8 @@ def _with_all_terms(structure: Structure) -> Structure:
 def _with_consistent_width(
     structure: Structure, data: Data, rate: float, centre: float
 ) -> tuple[Structure, dict[str, float], LeastSquaresFit]:
-    """Iterate least squares until the width of play equals its gap.
-
-    A nonzero centre is updated too. The iteration ends if there is no gap.
-    """
+    """Iterate least squares until the width of play equals its gap."""
+    # A nonzero centre is updated too. The iteration ends if there is no gap.
     own, tried = as_wide(structure, width_of(structure), centre), 0
     while True:
         start, fit = least_squares_start(_with_all_terms(own), data, rate)

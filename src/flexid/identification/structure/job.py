@@ -190,10 +190,8 @@ def job_of(
 
 
 def _link_coefficients(joint: Joint) -> frozenset[str]:
-    """Return the coefficients of all terms in the link's row, which a clamped link does not show.
-
-    The spring's damping is among them. With a clamped link it acts like the motor's friction.
-    """
+    """Return the coefficients of terms in the link's row, which a clamped link does not show."""
+    # The spring's damping is among them. With a clamped link it acts like the motor's friction.
     link = joint.remembering.rows[0].regressors.keys()
     return frozenset(c for names in joint.terms.values() if link & {*names} for c in names)
 
@@ -294,10 +292,8 @@ def _with_shape(
 
 
 def _least_gain(rival: float, chosen: float, thresholds: Thresholds) -> float:
-    """Return the least fall of the held-out errors for a rival, from the excess of both.
-
-    It is zero if only the rival explains the log.
-    """
+    """Return the least fall of the held-out errors for a rival, from the excess of both."""
+    # It is zero if only the rival explains the log.
     explains = rival <= thresholds.sensor_excess < chosen
     return 0.0 if explains else thresholds.generous_gain
 

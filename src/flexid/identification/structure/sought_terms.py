@@ -186,10 +186,8 @@ def velocities(structure: Structure, data: Data) -> list[float]:
 
 
 def _lost_in_a_sample(fitted: Fitted) -> float:
-    """Return the change of velocity in rad/s by dry friction alone between two samples.
-
-    Friction with a smaller Stribeck velocity would change faster than the log was sampled.
-    """
+    """Return the change of velocity in rad/s by dry friction alone between two samples."""
+    # Friction with a smaller Stribeck velocity would change faster than the log was sampled.
     sample_time = max(samples.sample_time for samples in fitted.data.samples)
     return abs(fitted.by_name.get("alpha_coulomb", 0.0)) * sample_time
 
