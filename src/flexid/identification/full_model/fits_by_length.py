@@ -219,8 +219,7 @@ def with_best_hold(
 ) -> FitsByLength:
     """Return fits with the best hold, over the same segments; `known` is `best_hold` of these."""
     if len(holds) == 1:
-        refined = with_steps_refined(found)
-        return FitsByLength(refined, tuple(divisions), free_length, tuple(holds), "as given")
+        known = found[-1], "as given", ()
     if not known and found[-1].excess > thresholds.sensor_excess:
         found = [*found[:-1], in_own_steps(found[-1])]  # errors of coarse steps may hide the hold
     best, reason, tied = known or best_hold(found[-1], holds, thresholds)
