@@ -143,8 +143,7 @@ def test_fit_to_other_data():
     found, _ = fit_to(replace(PAPER, bounds={"alpha2": (1.0, 2.0)}), other, COEFFICIENTS, 1.0)
     assert found.at_bound == {"alpha2": 1.0}
     assert "alpha2" not in found.names
-    place = found.problem.unknowns.system.coefficients.index("alpha2")
-    assert found.coefficients(0)[place] == 1.0
+    assert found.problem.unknowns.fixed["alpha2"] == 1.0
 
 
 def test_the_rest_follows_what_is_gone(monkeypatch):

@@ -285,11 +285,6 @@ class Fitted(Generic[M]):
         """Whether all delays are within the margin of the data."""
         return not self.excessive_delays
 
-    def coefficients(self, recording: int) -> FloatArray:
-        """Return all coefficients of the system in a recording."""
-        unknowns = self.problem.unknowns
-        return unknowns.coefficients(self.values[: len(unknowns.names)], recording)
-
     @property
     def delays(self) -> dict[str, float]:
         """All delays in s, by name."""

@@ -112,10 +112,6 @@ class Amplifier:
             return recording
         return replace(recording, input=self.reached(recording.input, recording.sample_time))
 
-    def split_behind(self, recordings: SplitRecordings) -> SplitRecordings:
-        """Return split recordings with the amplifier's output as their input."""
-        return replace(recordings, recorded=tuple(map(self.behind, recordings.recorded)))
-
 
 IDEAL = Amplifier()
 """Amplifier that changes nothing."""
