@@ -360,12 +360,6 @@ def of_link_alone(
     return found
 
 
-def one_encoder() -> Compliance:
-    """Return the compliance of a log with one encoder: not visible."""
-    reason = "the joint was taken as rigid, so there is no compliance to see"
-    return Compliance(False, reason, np.nan, np.nan)
-
-
 def _judge(fit: float, deflection: float, noise: float, unit: str) -> tuple[bool, str]:
     size = f"the deflection moves by {deflection:.2g} {unit}"
     # A coarsely sampled motion looks like noise, but no spring explains noise in a free run.
