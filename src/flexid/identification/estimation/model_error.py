@@ -39,7 +39,7 @@ from flexid.identification.structure.sought_terms import (
 )
 from flexid.identification.vocabulary.evidence import Estimate, ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
-from flexid.models.flexible_joint import DISSIPATIVE, HARDENING, HYSTERESIS, PLAY
+from flexid.models.flexible_joint import DISSIPATIVE, HARDENING, PLAY
 from flexid.recording.velocities import position_noise
 
 _WHITE = 3.0  # power of time of the variance of a motion under white noise
@@ -103,8 +103,7 @@ def stand_in_covariance(fitted: Fitted, error: ModelError, thresholds: Threshold
     joint = fitted.structure.joint
     stand_ins = {*joint.shapes, *HARDENING} & {*fitted.names} - {*joint.nonlinear.values()}
     stand_ins -= {name for shape in SOUGHT if len(shape.laws) > 1 for name in shape.coefficients}
-    # A hysteresis may follow another law than Dahl's.
-    exact = SOUGHT_COEFFICIENTS - HYSTERESIS | (PLAY if is_dead_zone(fitted) else frozenset())
+    exact = SOUGHT_COEFFICIENTS | (PLAY if is_dead_zone(fitted) else frozenset())
     explains = stand_ins <= exact and fitted.excess <= thresholds.sensor_excess
     if error.share == 0.0 or not stand_ins or explains:
         return np.zeros((len(fitted.names), len(fitted.names)))

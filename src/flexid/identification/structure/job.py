@@ -35,6 +35,7 @@ from flexid.identification.structure.shapes import (
     fit_with_shape,
 )
 from flexid.identification.structure.sought_terms import (
+    HYSTERETIC,
     PRESLIDING,
     SOUGHT,
     SOUGHT_COEFFICIENTS,
@@ -272,7 +273,7 @@ def _further_searches(
         before = full
     late = []
     if before is not None and before.unexplained_over(TURNING) <= job.thresholds.shape_motion:
-        for shape in (shape for shape in SOUGHT if not shape.is_in(full)):
+        for shape in (shape for shape in (HYSTERETIC, *SOUGHT) if not shape.is_in(full)):
             search = partial(_with_shape, shape, by_length, before, job)
             if shape in (TRANSMISSION, PRESLIDING):  # play is more common
                 late.append(search)

@@ -300,8 +300,11 @@ def reflected(values: Mapping[str, float]) -> dict[str, float]:
     return {name: found[name] for name in values}
 
 
-SOUGHT = (HYSTERETIC, STRIBECK, RIPPLE, BEND, TRANSMISSION, PRESLIDING)
-"""Terms that are tried automatically, each with a constant that is sought."""
+SOUGHT = (STRIBECK, RIPPLE, BEND, TRANSMISSION, PRESLIDING)
+"""Terms with a constant that is sought, also where the settings require the term.
+
+A required hysteresis is fitted with the usual terms instead, from the grip that suits the motion.
+"""
 
 SOUGHT_COEFFICIENTS = frozenset(c for shape in SOUGHT for c in shape.coefficients)
 """Coefficients of the terms in `SOUGHT`."""
