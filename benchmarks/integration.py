@@ -18,9 +18,8 @@ from benchmarks.trials.families import FAMILIES
 from benchmarks.trials.generate import make_trial
 from benchmarks.trials.record import given_settings
 from flexid.errors import ConvergenceError
-from flexid.estimators.prediction_error import integration_error
+from flexid.estimators.prediction_error import FINE, integration_error
 from flexid.identification.full_model.fitting import refit
-from flexid.identification.full_model.model import FINE
 from flexid.identification.preparation.recordings import prepare
 from flexid.identification.structure.job import job_of
 from flexid.recording.read import read_log

@@ -33,9 +33,10 @@ from flexid.arms.units import ArmUnits
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
+from flexid.estimators.prediction_error import Steps
 from flexid.estimators.samples import Samples, divide
 from flexid.identification.estimation.rig_errors import likely_changes
-from flexid.identification.full_model.fitting import Steps, fit_segments
+from flexid.identification.full_model.fitting import fit_segments
 from flexid.identification.full_model.model import Structure
 from flexid.identification.preparation.joint import ElasticArm
 from flexid.identification.vocabulary.evidence import Estimate

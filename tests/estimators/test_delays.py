@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.stats import t
 
 from flexid.estimators.channel_timing import INPUT, Timing, after_a_lag, held_input
-from flexid.estimators.prediction_error import PredictionErrorFit, described, minimise
+from flexid.estimators.prediction_error import PredictionErrorFit, Steps, described, minimise
 from flexid.estimators.samples import Samples, divide, first_states
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.models.flexible_joint import flexible_joint
@@ -42,7 +42,7 @@ def fit(samples: Samples, timing: Timing, start: Sequence[float] = ()) -> Predic
     values = np.concatenate((1.05 * VALUES, start or np.zeros(len(timing.sought))))
     point = Point(values, first_states(problem.segments))
     problem = problem.at(point, np.full(2, 1.0 / NOISE))
-    found = minimise(problem, point, 1e-3)
+    found = minimise(problem, point, Steps(1e-3))
     return described(problem, found)
 
 

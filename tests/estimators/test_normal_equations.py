@@ -9,7 +9,7 @@ import pytest
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.normal_equations import eigen, least_with, pseudo_inverse, solve_arrow
-from flexid.estimators.prediction_error import FLAT, ITERATIONS, minimise
+from flexid.estimators.prediction_error import FLAT, ITERATIONS, Steps, minimise
 from flexid.estimators.segmented_motion import By, Point
 
 N_SEGMENTS, N_STATES, N_COEFFICIENTS = 5, 4, 3
@@ -143,7 +143,7 @@ class _Rough:
 def steps_of(problem: _Rough, tolerance: float = 1.0, **options: Any) -> int:
     """Return the number of steps taken."""
     point = Point(np.zeros(1), np.zeros((1, 2)))
-    return minimise(cast("Any", problem), point, tolerance, **options).iterations
+    return minimise(cast("Any", problem), point, Steps(tolerance, **options)).iterations
 
 
 @pytest.mark.parametrize(

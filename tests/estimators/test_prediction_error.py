@@ -22,6 +22,7 @@ from flexid.estimators.prediction_error import (
     MOST,
     NEGLIGIBLE,
     PredictionErrorFit,
+    Steps,
     minimise,
     prediction_error,
     refinement,
@@ -149,7 +150,7 @@ def test_steps_are_as_many_as_the_noise_asks_for(moved: float, times: int):
     problem = segmented_motion(OSCILLATOR, segments, Timing("linear"))
     problem = problem.at(point, np.array([1.0 / noise]))
     assert problem.substeps == 1
-    assert refinement(problem, minimise(problem, point, 1e-2)) == times
+    assert refinement(problem, minimise(problem, point, Steps(1e-2))) == times
 
 
 def test_estimates_are_off_by_noise_alone():

@@ -39,8 +39,7 @@ def doubted(
         by_name=dict(zip(NAMES, values.tolist(), strict=True)),
     )
     sizes = {name: 0.5 / value for name, value in VALUES.items()}
-    about = {"by_gauge": None, **more}
-    return doubts.Doubted(cast(Any, fitted), sizes, {"link": 0.1, "motor": 0.2}, unit, **about)
+    return doubts.Doubted(cast(Any, fitted), sizes, {"link": 0.1, "motor": 0.2}, unit, **more)
 
 
 def shares(directions: np.ndarray, found: doubts.Doubted) -> dict[str, float]:
@@ -53,7 +52,7 @@ def shares(directions: np.ndarray, found: doubts.Doubted) -> dict[str, float]:
 CHANGE = np.array([0.0, 0.0, -9.0, 0.0, 0.0, 0.0])  # 3 % of alpha1 by 1 % of the scale
 NOISE = np.array([0.0, 0.0, -30.0, 0.0, -0.3, 0.0])
 TWICE = np.outer([1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.15, 0.2])
-VOLTS, EARLY = {"unit": "V"}, {"unit": "V", "delay": -DELAY}
+EARLY = {"unit": "V", "delay": -DELAY}
 SIDES = {**dict.fromkeys(LINK, 0.1), **dict.fromkeys(MOTOR, 0.2)}
 CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     (doubts.calibration, {}, dict.fromkeys(NAMES, 0.002)),
@@ -70,22 +69,13 @@ CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     # A torque has neither coil nor amplifier, and a coil only delays.
     (doubts.coil_lag, {}, {}),
     (doubts.coil_lag, EARLY, {}),
-    (doubts.dead_zone, {"by_dead_zone": NOISE}, {"alpha1": 0.1, "beta1": 0.1}),
-    (doubts.dead_zone, VOLTS, {}),
+    (doubts.dead_zone, {}, {}),
     # Uniform between zero and the full effect of play on a spring.
     (doubts.play, {"by_play": 0.3}, dict.fromkeys(SPRINGS, 0.3 / np.sqrt(3.0))),
     (doubts.play, {}, {}),
     (doubts.another_law, {}, {}),
     (doubts.noise_of_the_input, {"by_noise": NOISE}, {"alpha1": 0.1, "beta1": 0.1}),
     (doubts.noise_of_the_input, {}, {}),
-    (doubts.lag, {"by_lag": NOISE}, {"alpha1": 0.1, "beta1": 0.1}),
-    (doubts.lag, {}, {}),
-    (
-        doubts.term_law,
-        {"by_laws": NOISE[:, None]},
-        dict.fromkeys(("alpha1", "beta1"), 0.1 / 3.0**0.5),
-    ),
-    (doubts.term_law, {}, {}),
     # The doubt is larger for a term with a smaller part in its balance, and largest for friction.
     (
         doubts.looks_like_a_term,
@@ -102,6 +92,23 @@ def test_what_each_doubt_moves(doubt: Any, about: dict[str, Any], expected: dict
     """Assert the relative shift of each value by a doubt, and no shift of other values."""
     found = doubted(**about)
     assert shares(doubt(found), found) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("doubt", "computed", "error", "share"),
+    [
+        (doubts.lag, "lagged", NOISE, 0.1),
+        (doubts.dead_zone, "behind_a_dead_zone", NOISE, 0.1),
+        (doubts.term_law, "by_other_laws", NOISE[:, None], 0.1 / 3.0**0.5),
+    ],
+)
+def test_errors_that_are_computed(
+    monkeypatch: pytest.MonkeyPatch, doubt: Any, computed: str, error: np.ndarray, share: float
+):
+    """Assert which part of an error by another motion counts."""
+    monkeypatch.setattr(doubts, computed, lambda _: error)
+    found = doubted("V")
+    assert shares(doubt(found), found) == pytest.approx({"alpha1": share, "beta1": share})
 
 
 def test_values_of_one_balance_move_together():
@@ -203,7 +210,8 @@ def test_covariances_add():
     """Assert that the covariances of all doubts add up, and that the widest doubt is named."""
     found = doubted("V")
     known = Estimate(NAMES, found.fitted.values, np.zeros((6, 6)), (10.0,) * 6)
-    every = [(doubts.covariance_of(doubt(found)), words) for doubt, words in doubts.DOUBTS.items()]
+    simple = doubts.DOUBTS.keys() - {doubts.lag, doubts.dead_zone, doubts.term_law}
+    every = [(doubts.covariance_of(doubt(found)), doubts.DOUBTS[doubt]) for doubt in simple]
     estimate, widest = doubts.widened(known, every)
     np.testing.assert_allclose(estimate.covariance, sum(part for part, _ in every))
     assert widest["beta1"] == doubts.DOUBTS[doubts.looks_like_the_acceleration]

@@ -14,11 +14,11 @@ import flexid.identification.estimation.final_fits as final
 import flexid.identification.full_model.fitting as fitting
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
-from flexid.estimators.prediction_error import refinement
+from flexid.estimators.prediction_error import FINE, ROUGH, refinement
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.full_model import fits_by_length, model
 from flexid.identification.full_model.fitting import fit_by_length, fit_to, lengths, refit
-from flexid.identification.full_model.model import FINE, ROUGH, Fitted
+from flexid.identification.full_model.model import Fitted
 from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
@@ -143,8 +143,7 @@ def test_fit_to_other_data():
     found, _ = fit_to(replace(PAPER, bounds={"alpha2": (1.0, 2.0)}), other, COEFFICIENTS, 1.0)
     assert found.at_bound == {"alpha2": 1.0}
     assert "alpha2" not in found.names
-    place = found.problem.unknowns.system.coefficients.index("alpha2")
-    assert found.coefficients(0)[place] == 1.0
+    assert found.problem.unknowns.fixed["alpha2"] == 1.0
 
 
 def test_the_rest_follows_what_is_gone(monkeypatch):

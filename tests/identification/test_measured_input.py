@@ -30,6 +30,7 @@ import flexid.identification.estimation.answers as answers
 import flexid.identification.estimation.input_lag as input_lag
 import flexid.identification.estimation.input_noise as input_noise_module
 import flexid.identification.estimation.inputs as inputs
+import flexid.identification.estimation.model_error as modelling
 import flexid.identification.full_model.amplifier as amplifier_module
 from flexid.estimators.channel_timing import INPUT, Timing, after_a_lag
 from flexid.estimators.samples import Samples
@@ -92,19 +93,18 @@ def test_deviations_are_those_of_many_logs():
     np.testing.assert_allclose(scatter, foretold, rtol=0.5)
 
 
-def test_no_interval_is_narrower():
+@pytest.mark.parametrize("excess", [0.0, 1.0])
+def test_no_interval_is_narrower(monkeypatch: pytest.MonkeyPatch, excess: float):
     """Assert that an interval is at least as wide as the noise of the input requires."""
-    found = fitted(1)
-    none = ModelError(0.0, 0.0, 0.0)
-    least = 10.0 * found.fit.deviations
-    deviations = widened(found, none, least).deviations
-    assert deviations == pytest.approx(least)
-    assert (widened(found, none).deviations < deviations).all()
+    found, error = fitted(1), ModelError(excess, 0.0, 0.0)
+    noise = 10.0 * found.fit.deviations
+    monkeypatch.setattr(modelling, "input_noise", lambda _: SimpleNamespace(deviations=noise))
+    assert widened(found, error).deviations == pytest.approx(np.hypot(found.unit_deviations, noise))
 
 
-def fitted_with_torque_noise(seed: int, noise: float, **more: float) -> Disturbed:
+def fitted_with_torque_noise(seed: int, noise: float, chatter: float = 0.0) -> Disturbed:
     """Return the fit with disturbances to a drive whose logged torque has white noise in N m."""
-    recorded = pushed(seed, **more)
+    recorded = pushed(seed, chatter=chatter)
     added = noise * np.random.default_rng(seed + 50).standard_normal(len(recorded))
     log, viscous = (
         data(replace(recorded, input=recorded.needed_input + added)),

@@ -129,6 +129,7 @@ def test_what_of_the_residuals_is_an_error(found, limits, share):
 
     def fit(duration: float, excess: float, unexplained: float = 0.0) -> Any:
         return SimpleNamespace(
+            structure=PAPER,
             duration=duration,
             excess=excess,
             unexplained=unexplained,

@@ -1,78 +1,35 @@
 """Search for the grip of a hysteresis, on stand-ins for fits."""
 
-from dataclasses import replace
-from typing import Any, cast
-
+import numpy as np
 import pytest
-from made_joint import JOINT, WITHOUT, fitted, made, made_fit, over
+from made_joint import WITHOUT, fitted, made, made_fit, over
 
 import flexid.identification.full_model.fits_by_length as fits_by_length
 import flexid.identification.full_model.fitting as fitting
-from flexid.identification.full_model.fits_by_length import FitsByLength, sampled, turning
+from flexid.identification.full_model.fits_by_length import sampled, turning
+from flexid.identification.structure import shapes
 from flexid.identification.structure.job import _least_gain
+from flexid.identification.structure.sought_terms import HYSTERETIC
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
-from flexid.models.flexible_joint import HYSTERESIS
 
-SIZE, GRIP = "alpha_hysteresis", "hysteresis_grip"
-JUST, TOO_LITTLE = THRESHOLDS.shape_promise + 0.001, THRESHOLDS.shape_promise - 0.001
+SIZE = "alpha_hysteresis"
 
 
 @pytest.fixture(autouse=True)
 def of_short_logs(monkeypatch):
     """Let stand-ins be searched as a whole, as their segments are mere numbers."""
     monkeypatch.setattr(fits_by_length, "sampled", lambda fit: fit)
-    monkeypatch.setattr(FitsByLength, "longer", lambda *_: [])
-    monkeypatch.setattr(FitsByLength, "with_term", lambda by_length, *_: by_length)
 
 
-@pytest.mark.parametrize(
-    ("promises", "holding", "begun"),
-    [
-        ({1.0: 0.8, 0.25: 0.5}, None, [1.0, 0.25]),
-        ({1.0: 0.5, 0.25: 0.8}, None, [0.25, 1.0]),
-        ({0.25: 0.3, 0.5: 0.4, 1.0: 0.5, 2.0: 0.6, 4.0: 0.7}, None, [4.0, 2.0]),
-        # A fit as good as predicted ends the search.
-        ({1.0: 0.8, 0.25: 0.5}, 1.0, [1.0]),
-        ({1.0: 0.8, 0.25: 0.5}, 0.25, [1.0, 0.25]),
-        # Predictions below the threshold are not followed.
-        ({1.0: JUST, 0.25: TOO_LITTLE}, None, [1.0]),
-        ({1.0: TOO_LITTLE, 0.25: TOO_LITTLE}, None, []),
-    ],
-)
-def test_the_grip_that_promises_more_is_tried_first(monkeypatch, promises, holding, begun):
-    """Assert that the two best predictions are tried in order, until a fit confirms one."""
-    tried = []
-
-    def share(way: dict[str, float]) -> float:
-        return way[GRIP] / JOINT.first[GRIP]
-
-    def remembering(before, structure, way, *_):
-        assert structure.absent == before.structure.absent - HYSTERESIS
-        tried.append(share(way))
-        return before if share(way) == holding else None
-
-    monkeypatch.setattr(fits_by_length, "promised", lambda *at: promises.get(share(at[-1]), 0.0))
-    monkeypatch.setattr(fits_by_length, "explained_by", remembering)
-    before = over(4, 9.0)
-    by_length = FitsByLength((before,), cast(Any, (range(4),)), True, ("cubic",), "")
-    found = fits_by_length.fit_with_hysteresis(by_length, before, lambda _: None)
-    assert tried == begun
-    assert (found is not None) == (holding in begun)
-
-
-@pytest.mark.parametrize(("short", "floor"), [(1.02, 1.02), (0.97, 1.0), (1.09, 1.09)])
-def test_what_is_left_shows_it_beside_all_terms(monkeypatch, short, floor):
-    """Assert that hysteresis is added to the full model, and short segments define the noise."""
-    asked = []
-    monkeypatch.setattr(fits_by_length, "promised", lambda *_: 0.9)
-    monkeypatch.setattr(fits_by_length, "explained_by", lambda *way: asked.append(way) or way[0])
-    wide = replace(WITHOUT, absent=WITHOUT.absent - {"alpha2"})
-    segments: Any = (range(16),)
-    by_length = FitsByLength((over(16, short, wide),), segments, True, ("cubic",), "")
-    leaner = over(4, 5.0)
-    assert fits_by_length.fit_with_hysteresis(by_length, leaner, lambda _: None) is not None
-    ((before, structure, _, noise, *_),) = asked
-    assert (before, structure.absent, noise) == (leaner, wide.absent - HYSTERESIS, floor)
+def test_neighbouring_grips_are_both_followed():
+    """Assert that five grips are candidates, from a quarter of the usual one to four times it."""
+    whole = fitted(made(1, 10.0))
+    grips = HYSTERETIC.candidates(whole.structure, whole.data)
+    usual = whole.structure.joint.first["hysteresis_grip"]
+    assert grips == pytest.approx(usual * np.array([0.25, 0.5, 1.0, 2.0, 4.0]))
+    for grip, lower in zip(grips[1:], grips, strict=False):
+        joint = HYSTERETIC.put(whole.structure, grip).joint
+        assert grip - lower > shapes._APART * HYSTERETIC.resolution(joint, whole.data)
 
 
 @pytest.mark.parametrize(
@@ -99,7 +56,7 @@ def test_what_explains_enough_is_followed(monkeypatch, before, floor, first, las
     monkeypatch.setattr(fits_by_length, "fit_from", fit_from)
     first = made_fit(first.excess, by_name={"first": 1.0}, states="there")
     fit = made_fit(before, states="here", data="data")
-    rest = floor, THRESHOLDS, fits_by_length.only_brakes
+    rest = floor, THRESHOLDS, HYSTERETIC.is_possible
     found = fits_by_length.explained_by(fit, WITHOUT, {"start": 0.0}, *rest)
     assert found is (last if follows else None)
     assert asked[0] == (fits_by_length.EXPLORING, {"start": 0.0}, "here")

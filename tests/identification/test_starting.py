@@ -9,9 +9,10 @@ from made_joint import COEFFICIENTS, JOINT, data, made, posed, seen, structure
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
+from flexid.estimators.prediction_error import FINE
 from flexid.identification.full_model import fits_by_length, fitting, starting
 from flexid.identification.full_model.fitting import fit_by_length, lengths, refit
-from flexid.identification.full_model.model import FINE, LINK, Data, Structure
+from flexid.identification.full_model.model import LINK, Data, Structure
 from flexid.identification.full_model.starting import least_squares_start, starts
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS

@@ -486,7 +486,7 @@ def test_shapes_are_sought_where_the_model_follows_half_a_second(
     monkeypatch, duration, unexplained, sought
 ):
     """Assert the limit, proportional to the duration; play is tried in any case."""
-    monkeypatch.setattr(job, "SOUGHT", ())
+    monkeypatch.setattr(job, "SOUGHT", ())  # hysteresis is left
     fitted = made_fit(9.0, duration=duration, unexplained=unexplained)
     choice: Any = SimpleNamespace(by_length=SimpleNamespace(found=(fitted,)), found=())
     own: Any = SimpleNamespace(progress=lambda _: None, thresholds=THRESHOLDS)

@@ -25,6 +25,7 @@ from flexid.arms.fitting import (
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.channel_timing import Timing
+from flexid.estimators.prediction_error import Steps
 from flexid.estimators.segmented_motion import balance_columns
 from flexid.identification.estimation.band import (
     SPRING_SHARE,
@@ -33,7 +34,7 @@ from flexid.identification.estimation.band import (
     observer_following,
 )
 from flexid.identification.estimation.thinned_log import factor_of, thinned, thinned_samples
-from flexid.identification.full_model.fitting import Steps, lengths, motion_at, with_some_zero
+from flexid.identification.full_model.fitting import lengths, motion_at, with_some_zero
 from flexid.identification.full_model.model import Data, Structure, encoder_noise, sensor_noise
 from flexid.identification.preparation.joint import ElasticArm
 from flexid.identification.structure.validation import HORIZONS, validate_with

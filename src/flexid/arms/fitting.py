@@ -15,10 +15,10 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.channel_timing import DELAY, INPUT, before_a_lag
 from flexid.estimators.normal_equations import scaled_inverse
+from flexid.estimators.prediction_error import Steps
 from flexid.estimators.samples import Samples, Segments, divide
 from flexid.identification.full_model.fitting import (
     LONGEST,
-    Steps,
     expanded,
     fit_segments,
     lengths,

@@ -12,8 +12,8 @@ class ScalarPrinter(PythonCodePrinter):
     def _print_Integer(self, expr: sp.Integer) -> str:
         return repr(float(expr))
 
-    def _print_Rational(self, expr: sp.Rational) -> str:
-        return repr(float(expr))
+    _print_Rational = _print_NumberSymbol = _print_Integer  # pyright: ignore
+    _print_Pi = _print_Exp1 = _print_Integer  # pyright: ignore
 
     def _print_Function(self, expr: sp.Function) -> str:
         arguments = ", ".join(self._print(argument) for argument in expr.args)
@@ -21,11 +21,6 @@ class ScalarPrinter(PythonCodePrinter):
 
     _print_sin = _print_cos = _print_tan = _print_tanh = _print_Function
     _print_exp = _print_log = _print_Abs = _print_Function
-
-    def _print_NumberSymbol(self, expr: sp.NumberSymbol) -> str:
-        return repr(float(expr))
-
-    _print_Pi = _print_Exp1 = _print_NumberSymbol
 
     def _print_sign(self, e: sp.Function) -> str:
         argument = self._print(e.args[0])

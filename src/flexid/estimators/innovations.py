@@ -10,7 +10,7 @@ from scipy.linalg import LinAlgError
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.prediction_error import Minimum, minimise
+from flexid.estimators.prediction_error import Minimum, Steps, minimise
 from flexid.estimators.segmented_motion import RESTING, Observer, Point, SegmentedMotion
 from flexid.estimators.steady_gains import (
     Sizes,
@@ -77,9 +77,8 @@ def fit_innovations(
             raise ConvergenceError(
                 "prediction error", "the disturbed motion diverges from the starting values"
             )
-        minimum = minimise(
-            seen.motion, point, _FINE, insist=False, iterations=steps[turn == rounds - 1]
-        )
+        most = Steps(_FINE, insist=False, iterations=steps[turn == rounds - 1])
+        minimum = minimise(seen.motion, point, most)
         point = minimum.point
         found = Innovations(seen.motion, minimum, sizes, minimum.equations.cost + seen.entropy)
     assert found is not None

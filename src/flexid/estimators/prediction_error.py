@@ -21,6 +21,9 @@ from flexid.recording.velocities import position_noise
 
 FLAT = 2e-3  # predicted relative fall of the sum of squares below which a step may fail
 
+ROUGH, FINE = 1.0, 1e-2
+"""Length of the last step, in standard deviations, of an intermediate and of a final fit."""
+
 ITERATIONS = 20  # largest number of slow steps; a good start needs about five steps in all
 
 NEARLY_NOISE = 1.5
@@ -37,6 +40,29 @@ _STUCK_STEPS = 4  # stuck steps in a row after which the iteration ends
 _IDLE_STEPS = 2  # steps in a row with too small a gain after which the iteration ends
 _ROUNDING = 1e-11  # relative length of a step that is lost in rounding
 _FINEST = 1e-9  # smallest noise, over the largest output: the noise of a 30-bit encoder
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Options of the Gauss-Newton steps and of the integration."""
+
+    tolerance: float = ROUGH  # largest length of the last step in standard deviations
+    insist: bool = True  # whether to raise without convergence
+    iterations: int = ITERATIONS  # largest number of slow steps
+    enough: float = 0.0  # variance of the residuals up to which convergence is not required
+    promised: float = np.inf  # largest variance predicted by the first step, to go on
+    least_gain: float = 0.0  # relative fall of the sum of squares below which steps end
+    coarser: float = 1.0  # number of integration steps over the usual number
+    most_substeps: float = np.inf  # largest number of integration steps per sample
+
+    def taken_by(self, problem: SegmentedMotion) -> SegmentedMotion:
+        """Return the motion with these integration steps."""
+        substeps = min(np.ceil(self.coarser * problem.substeps), self.most_substeps)
+        return replace(problem, substeps=int(substeps))
+
+
+USUAL = Steps()
+"""Steps that require convergence, with the usual integration."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,21 +87,8 @@ class Minimum:
         return np.sqrt(squares * self.equations.residuals.shape[1] / problem.degrees_of_freedom)
 
 
-def minimise(
-    problem: SegmentedMotion,
-    point: Point,
-    tolerance: float,
-    *,
-    insist: bool = True,
-    iterations: int = ITERATIONS,
-    enough: float = 0.0,
-    promised: float = np.inf,
-    least_gain: float = 0.0,
-) -> Minimum:
-    """Minimise the sum of squares by damped Gauss-Newton steps that start at a point.
-
-    Raise if the first step predicts a variance above `promised`; stop at gains below `least_gain`.
-    """
+def minimise(problem: SegmentedMotion, point: Point, steps: Steps) -> Minimum:
+    """Minimise the sum of squares by damped Gauss-Newton steps that start at a point."""
     equations = problem.equations(point)
     if not np.isfinite(equations.cost):
         raise ConvergenceError(
@@ -84,22 +97,25 @@ def minimise(
             "or shorten the segments",
         )
     damping, last_step, taken, slow, poor, stuck, idle = 0.0, np.inf, 0, 0, 0, 0, 0
-    while slow < iterations and idle < _IDLE_STEPS:
+    while slow < steps.iterations and idle < _IDLE_STEPS:
         reduced = problem.solve(equations)
         variance = equations.cost / problem.degrees_of_freedom
-        if taken == 0 and variance - reduced.decrement / problem.degrees_of_freedom > promised:
+        if (
+            taken == 0
+            and variance - reduced.decrement / problem.degrees_of_freedom > steps.promised
+        ):
             raise ConvergenceError(
                 "prediction error",
                 "the first step leaves the model far from the log: shorten the segments",
             )
         last_step = np.sqrt(max(reduced.decrement, 0.0) / variance) if variance > 0.0 else 0.0
-        if last_step <= tolerance or _is_rounding(reduced, point):
+        if last_step <= steps.tolerance or _is_rounding(reduced, point):
             return Minimum(point, equations, reduced, taken, float(last_step))
         flat = reduced.decrement <= FLAT * equations.cost
-        if poor >= _POOR_STEPS and flat and last_step <= max(1.0, 10.0 * tolerance):
+        if poor >= _POOR_STEPS and flat and last_step <= max(1.0, 10.0 * steps.tolerance):
             return Minimum(point, equations, reduced, taken, float(last_step))
         if stuck >= _STUCK_STEPS:
-            if not insist or variance <= enough or (flat and variance <= NEARLY_NOISE):
+            if not steps.insist or variance <= steps.enough or (flat and variance <= NEARLY_NOISE):
                 return Minimum(point, equations, reduced, taken, float(last_step))
             raise ConvergenceError(
                 "prediction error",
@@ -111,7 +127,7 @@ def minimise(
             point, equations, damping = _descend(problem, point, equations, reduced, damping)
         except ConvergenceError:
             # Dry friction makes the sum of squares rough: near its minimum every step may fail.
-            if insist and not flat and variance > enough:
+            if steps.insist and not flat and variance > steps.enough:
                 raise
             return Minimum(point, equations, reduced, taken, float(last_step))
         gain = before - equations.cost
@@ -119,15 +135,15 @@ def minimise(
         slow += gain < _FAST * before
         poor = poor + 1 if gain < _POOR_GAIN * reduced.decrement else 0
         stuck = stuck + 1 if gain < _NO_GAIN * reduced.decrement else 0
-        idle = idle + 1 if gain < least_gain * before else 0
+        idle = idle + 1 if gain < steps.least_gain * before else 0
     reduced = problem.solve(equations)
     found = Minimum(point, equations, reduced, taken, float(last_step))
     rough = reduced.decrement <= FLAT * equations.cost  # steps back and forth across a minimum
-    if not insist or rough or found.variance(problem) <= enough:
+    if not steps.insist or rough or found.variance(problem) <= steps.enough:
         return found
     raise ConvergenceError(
         "prediction error",
-        f"no convergence within {iterations} steps: start from a least-squares fit, shorten "
+        f"no convergence within {steps.iterations} steps: start from a least-squares fit, shorten "
         f"the segments, or drop terms that the log does not determine",
     )
 
@@ -206,7 +222,6 @@ def refinement(problem: SegmentedMotion, found: Minimum) -> int:
     return min(max(1, ceil(wanted)), MOST)
 
 
-_COARSE, _FINE = 1.0, 1e-2  # length of a step, in standard deviations, that ends the iteration
 _AGREEMENT = 10.0  # allowed distance from least squares, in its standard deviations,
 _SLACK = 1.0  # plus this fraction of the value, for errors of the model,
 _EFFECT = 0.05  # plus this fraction of the row's acceleration, for coefficients near zero
@@ -282,13 +297,13 @@ def _best_fit(problem: SegmentedMotion, values: FloatArray) -> tuple[SegmentedMo
     guess = np.array([position_noise(column) for column in outputs.T])
     point = Point(values, problem.start_states)
     problem = problem.at(point, output_weights(guess, outputs))
-    coarse = minimise(problem, point, _COARSE)
+    coarse = minimise(problem, point, USUAL)
     problem = problem.at(coarse.point, output_weights(coarse.noise(problem), outputs))
-    found = minimise(problem, coarse.point, _FINE)
+    found = minimise(problem, coarse.point, Steps(FINE))
     finer = refinement(problem, found)
     if finer > 1:
         problem = problem.at(found.point, problem.weights, finer)
-        found = minimise(problem, found.point, _FINE)
+        found = minimise(problem, found.point, Steps(FINE))
     return problem, found
 
 

@@ -24,7 +24,6 @@ from flexid.identification.judgement import (
     constant_estimates,
     of_joint,
     of_link_alone,
-    one_encoder,
     parameter_estimates,
     widest,
 )
@@ -44,7 +43,6 @@ from flexid.identification.result import (
     summary,
     validation_warnings,
 )
-from flexid.identification.structure.choice import Choice
 from flexid.identification.structure.job import Job, job_of
 from flexid.identification.structure.link_delay import confused_covariance, in_doubt, skew
 from flexid.identification.structure.sought_terms import sought_constants
@@ -52,7 +50,6 @@ from flexid.identification.vocabulary import Progress, silent
 from flexid.identification.vocabulary.evidence import (
     Compliance,
     Estimate,
-    TermEvidence,
     Validation,
     ValueEstimate,
     Verdict,
@@ -318,7 +315,8 @@ def _compliance(
 ) -> Compliance:
     """Whether the log shows that the joint is flexible."""
     if job.joint.kind == "rigid":
-        return one_encoder()
+        reason = "the joint was taken as rigid, so there is no compliance to see"
+        return Compliance(False, reason, np.nan, np.nan)
     if job.joint.kind == "link":
         return of_link_alone(job.recordings, validation, coefficients["theta2"])
     return of_joint(job.recordings, validation)
@@ -363,8 +361,8 @@ def without_estimate(
 def _choices(fits: FinalFits, estimate: Estimate, settings: Settings) -> Choices:
     choice = fits.choice
     delays = {name: _delay(name, settings, estimate, fits.in_full) for name in (INPUT, LINK)}
-    joint = choice.structure.joint
-    smooth = settings.coulomb_velocity
+    joint, smooth = choice.structure.joint, settings.coulomb_velocity
+    kept = joint.optional - choice.structure.absent | {*choice.structure.timing.sought}
     return Choices(
         terms=choice.structure.terms,
         alignment=Alignment(
@@ -375,17 +373,12 @@ def _choices(fits: FinalFits, estimate: Estimate, settings: Settings) -> Choices
         filter_rate=fits.filter_rate,
         estimator="innovations" if fits.reported.problem.observer else "prediction-error",
         segment_duration=choice.duration,
-        term_evidence=_evidence(choice),
+        term_evidence=tuple(
+            replace(e, kept=e.name.partition("[")[0] in kept) for e in choice.terms
+        ),
         segment_evidence=choice.lengths,
         shapes=joint.constants_of(joint.optional - choice.structure.absent),
     )
-
-
-def _evidence(choice: Choice) -> tuple[TermEvidence, ...]:
-    """Return the full model's evidence on each term, and whether the term was kept."""
-    structure = choice.structure
-    kept = structure.joint.optional - structure.absent | {*structure.timing.sought}
-    return tuple(replace(e, kept=e.name.partition("[")[0] in kept) for e in choice.terms)
 
 
 def _delay(name: str, settings: Settings, estimate: Estimate, in_full: Estimate) -> Delay:

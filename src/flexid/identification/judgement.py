@@ -189,10 +189,8 @@ def _tied(
 
 
 def _doubts(estimates: Mapping[str, ValueEstimate]) -> dict[str, str]:
-    """Return, by balance, the reason why its values are unknown: a negative spring or inertia.
-
-    With a negative stiffness in one balance, the values of the other balance are still used.
-    """
+    """Return, by balance, the reason why its values are unknown: a negative spring or inertia."""
+    # With a negative stiffness in one balance, the values of the other balance are still used.
     doubts: dict[str, str] = {}
     for name in sorted(POSITIVE & estimates.keys()):
         if estimates[name].value <= 0.0 and np.isfinite(estimates[name].std):
@@ -360,12 +358,6 @@ def of_link_alone(
         )
         return replace(found, visible=False, reason=reason)
     return found
-
-
-def one_encoder() -> Compliance:
-    """Return the compliance of a log with one encoder: not visible."""
-    reason = "the joint was taken as rigid, so there is no compliance to see"
-    return Compliance(False, reason, np.nan, np.nan)
 
 
 def _judge(fit: float, deflection: float, noise: float, unit: str) -> tuple[bool, str]:

@@ -345,16 +345,12 @@ def model_warnings(
         else "the drive has an effect that no term here describes, or the recorded input differs "
         "from the one that acted, by noise, a lag or a limit"
     )
+    ratio = (1.0 + error.excess) ** 0.5
+    times = "slightly above" if ratio < _SLIGHT else f"{ratio:.3g} times"
     yield Caution(
-        f"the residuals are {_times(error)} the sensors' noise: {cause}; the intervals allow "
-        f"for that",
+        f"the residuals are {times} the sensors' noise: {cause}; the intervals allow for that",
         Rank.MODEL,
     )
-
-
-def _times(error: ModelError) -> str:
-    times = (1.0 + error.excess) ** 0.5
-    return "slightly above" if times < _SLIGHT else f"{times:.3g} times"
 
 
 def compliance_warnings(compliance: Compliance) -> Iterator[Caution]:

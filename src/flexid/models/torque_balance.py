@@ -27,7 +27,6 @@ class JointTerm:
     sign: int = 0  # 1 if it is never negative
     start: float = 0.0  # value if the log does not determine it
     usual: bool = True  # True: always estimated; False: only if it improves a fit
-    meaning: str = ""  # what the parameter is, for the manual
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,6 @@ class BodyTerm:
     potential: str
     unit: str  # of the parameter
     sign: int = 0  # 1 if it is never negative
-    meaning: str = ""  # what the parameter is, for the manual
 
 
 @dataclass(frozen=True)

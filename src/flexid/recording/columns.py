@@ -134,10 +134,8 @@ class _Plan:
         return RecordingError(self.table.file, self.table.header, reason)
 
     def _add_canonical(self) -> None:
-        """Add columns with canonical names, except for channels and columns of a column map.
-
-        A column that is a part of a sum may still be a channel of its own.
-        """
+        """Add columns with canonical names, except for channels and columns of a column map."""
+        # A column that is a part of a sum may still be a channel of its own.
         named = {*self.map.recipes, *self.map.unread}
         whole = [name for name, recipe in self.map.recipes.items() if len(recipe.weights) == 1]
         mapped = {self.map.recipe(self.table, name).header for name in whole}
@@ -191,10 +189,8 @@ class _Plan:
             )
 
     def _one_time(self, columns: list[Recipe]) -> list[Recipe]:
-        """Return columns other than stamps, or one recipe for a stamp as ROS divides it.
-
-        It has whole seconds, and the nanoseconds beyond them.
-        """
+        """Return columns other than stamps, or one recipe for a stamp as ROS divides it."""
+        # It has whole seconds, and the nanoseconds beyond them.
         named = [(one, words_of(split_header(one.header)[0])) for one in columns]
         columns = [one for one, words in named if words and "stamp" not in words.all] or columns
         by_unit = {one.unit: one for one in columns}

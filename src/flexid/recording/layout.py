@@ -166,10 +166,8 @@ def _check_quotes(header: _Line) -> None:
 
 
 def _to_first_row(file: str, text: bytes) -> tuple[list[_Line], tuple[str, int] | None]:
-    """Lines up to the first row of numbers, with its separator and width; else all and None.
-
-    Lines are read only as needed, since damaged ones may follow.
-    """
+    """Lines up to the first row of numbers, with its separator and width; else all and None."""
+    # Lines are read only as needed, since damaged ones may follow.
     ahead = _first_lines(file, text)
     lines: list[_Line] = []
     waiting: list[_Line] = []  # candidates for the first row and those after it

@@ -34,7 +34,6 @@ from flexid.identification.estimation.final_fits import (
     hidden_covariance,
     with_doubts,
 )
-from flexid.identification.estimation.model_error import behind_a_dead_zone, by_other_laws, lagged
 from flexid.identification.estimation.spring_doubts import delay_doubts, doubts_of_spring
 from flexid.identification.full_model.fits_by_length import (
     TURNING,
@@ -44,7 +43,7 @@ from flexid.identification.full_model.fits_by_length import (
     nearly_explains,
 )
 from flexid.identification.full_model.fitting import fit_like, lengths, motion_at
-from flexid.identification.full_model.model import Data, Fitted
+from flexid.identification.full_model.model import Fitted
 from flexid.identification.full_model.starting import suited_rate
 from flexid.identification.structure.choice import Choice, core_deviations, hardly_known
 from flexid.identification.structure.elimination import latest, one_by_one
@@ -107,7 +106,9 @@ def answer(job: Job) -> Answer:
             fits, exact = _exact_fits(job, choice), None
     except (ConvergenceError, BudgetError):
         return _disturbed(job)
-    if fits is not None and _may_be_reported(fits.reported, job):
+    if fits is not None and (
+        _explains(fits.reported, job) or nearly_explains(fits.reported, job.thresholds)
+    ):
         exact = _exact(job, fits, validation)
         if final := _final_exact(job, exact):
             return final
@@ -128,10 +129,8 @@ def answer(job: Job) -> Answer:
 
 
 def _searched(job: Job) -> tuple[Choice, Validation]:
-    """Return the structure and its predictions; of a log that is too long, from a part of it.
-
-    A structure from a part must explain it, since the part may not show every term.
-    """
+    """Return the structure and its predictions; of a log that is too long, from a part of it."""
+    # A structure from a part must explain it, since the part may not show every term.
     try:
         with within(_MOST_STEPS):
             return predicting(job)
@@ -178,11 +177,6 @@ def _fits_to_all(job: Job, choice: Choice, *, fallback: bool) -> FinalFits:
     job.progress("fit to all data")
     rest = job.settings.filter_rate, job.thresholds
     return final_fits(choice, job.whole, job.recordings, *rest, fallback=fallback)
-
-
-def _may_be_reported(fitted: Fitted, job: Job) -> bool:
-    """Whether an exact fit to all data explains the log, or nearly."""
-    return _explains(fitted, job) or nearly_explains(fitted, job.thresholds)
 
 
 def _explains(fitted: Fitted, job: Job) -> bool:
@@ -242,17 +236,7 @@ def _exact(job: Job, fits: FinalFits, validation: Validation) -> Answer:
     doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (unit == "V")
     if reported.excess > thresholds.sensor_excess:
         doubts += (another_law,)
-    dead_zone = behind_a_dead_zone(reported) if unit == "V" else None
-    doubted = Doubted(
-        reported,
-        {},
-        {},
-        unit,
-        None,
-        by_lag=lagged(reported),
-        by_dead_zone=dead_zone,
-        by_laws=by_other_laws(reported),
-    )
+    doubted = Doubted(reported, {}, {}, unit)
     errors = [(covariance_of(doubt(doubted)), DOUBTS[doubt]) for doubt in doubts]
     errors.append((covariance_of(between_lengths(fits, thresholds)), OF_A_LENGTH))
     estimate, widest = widened(estimate, errors)
@@ -302,7 +286,10 @@ def _disturbed(job: Job) -> Answer:
         job.thresholds,
         with_shapes=job.settings.terms == "auto" and job.joint.kind != "rigid",
     )
-    undisturbed = _without_observer(fitted.fitted, training)
+    # The fit's values in a motion without observer, over the data as logged.
+    own = fitted.fitted
+    problem, _ = motion_at(own.ended, training, lengths(training)[-1], own.by_name, None)
+    undisturbed = replace(own, problem=problem, data=training)
     follow = follower(fitted, whole)
     validation = validate(undisturbed, whole, job.recordings.starts, follow=follow)
     retreat: tuple[str, ...] = ()
@@ -327,13 +314,6 @@ def _judged(found: Answer, fitted: Fitted, job: Job) -> Answer:
     shares = {} if found.disturbances is None else found.disturbances.shares
     own = doubts_of_spring(fitted, found.fits.reported.data, shares, job)
     return replace(found, **own._asdict())
-
-
-def _without_observer(fitted: Fitted, data: Data) -> Fitted:
-    """Return the fit's values in a motion without observer, over the data as logged."""
-    segments = lengths(data)[-1]
-    problem, _ = motion_at(fitted.ended, data, segments, fitted.by_name, None)
-    return replace(fitted, problem=problem, data=data)
 
 
 def _fits(found: "Disturbed", retreat: tuple[str, ...], job: Job) -> FinalFits:

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.innovations import STEPS, first_cost, fit_innovations, predicting
-from flexid.estimators.prediction_error import NEGLIGIBLE, Minimum, minimise
+from flexid.estimators.prediction_error import NEGLIGIBLE, USUAL, Minimum, Steps, minimise
 from flexid.estimators.samples import Segments, divide, first_states
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.steady_gains import Sizes
 from flexid.identification.estimation.thinned_log import PER_PERIOD, directions, thinned
-from flexid.identification.full_model.fitting import USUAL, Steps, motion_at, within_bounds
+from flexid.identification.full_model.fitting import motion_at, within_bounds
 from flexid.identification.full_model.model import LINK, Data, Fitted, M, Structure, sensor_noise
 from flexid.identification.structure.link_delay import shifted
 from flexid.identification.structure.sought_terms import reflected
@@ -92,7 +92,7 @@ class InBand(Generic[M]):
         problem, point = self._problem(start, near)
         observer, weights = near.problem.observer, near.problem.weights
         problem = replace(problem, observer=observer, weights=weights)
-        found = minimise(problem, point, NEGLIGIBLE, insist=False, iterations=iterations)
+        found = minimise(problem, point, Steps(NEGLIGIBLE, insist=False, iterations=iterations))
         return self._fitted(problem, found)
 
     def _problem(

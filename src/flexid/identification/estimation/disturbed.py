@@ -13,7 +13,6 @@ from itertools import chain, islice
 import numpy as np
 
 from flexid.errors import ConvergenceError
-from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import side_by_side
 from flexid.estimators.steady_gains import Sizes
 from flexid.identification.estimation.band import (
@@ -87,9 +86,10 @@ def fit_disturbed(
         skewed = skew(structure.joint, thinned(data, factor, held=False))
         if skewed.makes_the_deflection:  # the log then shows neither spring nor play
             with_shapes = False
-            timing = _with_link_delay(structure.timing, skewed.delay)
             # A cubic spring would soften until the motion diverges.
-            structure = replace(structure.without(HARDENING - {*kept}), timing=timing)
+            structure = structure.without({LINK, *HARDENING} - {*kept})
+            delays = {**structure.timing.delays, LINK: skewed.delay}
+            structure = replace(structure, timing=replace(structure.timing, delays=delays))
             factor = thinning(data, _start(structure, data))
     # A low-passed input has no steps, so hold and delay are indistinguishable.
     tried = [structure.with_hold(hold) for hold in (holds if factor == 1 else holds[:1])]
@@ -145,10 +145,8 @@ def _doubtful_play(full: FitInBand, data: Data) -> float:
 
 
 def _likeliest(tried: Sequence[Structure], data: Data, factor: int) -> FitInBand:
-    """Return the likeliest fit of several structures from least-squares starts.
-
-    If the motion diverges from all of these, further starts are tried.
-    """
+    """Return the likeliest fit of several structures from least-squares starts."""
+    # If the motion diverges from all of these, further starts are tried.
     begun = (
         (structure, start)
         for structure in tried
@@ -214,10 +212,8 @@ def _is_known(fit: FitInBand) -> bool:
 
 
 def _leaves_more(leaner: FitInBand, fuller: FitInBand) -> bool:
-    """Whether the leaner fit is less likely and leaves clearly more unexplained.
-
-    Both are required. A fit may be in a wrong minimum whose sizes explain all motion as noise.
-    """
+    """Whether the leaner fit is less likely and leaves clearly more unexplained."""
+    # Both are required. A fit may be in a wrong minimum whose sizes explain all motion as noise.
     before, after = (
         # If no sizes fit the residuals, innovations are larger than the sizes predict.
         sum(shares_of(f.fitted, f.sizes).values()) * f.fitted.excess**0.5
@@ -265,9 +261,3 @@ def _starts(structure: Structure, data: Data) -> Iterator[dict[str, float]]:
     found = skew(structure.joint, data)
     if found.explained > _SKEWED and abs(found.delay) < data.margin:
         yield {**_start(structure, shifted(data, found.delay)), LINK: found.delay}
-
-
-def _with_link_delay(timing: Timing, link_delay: float) -> Timing:
-    """Return the timing with the delay of the link's encoder given."""
-    sought = tuple(name for name in timing.sought if name != LINK)
-    return replace(timing, delays={**timing.delays, LINK: link_delay}, sought=sought)

@@ -13,7 +13,6 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.samples import side_by_side
-from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.identification.estimation.band import fit_in_band
 from flexid.identification.estimation.disturbed import Disturbed
 from flexid.identification.estimation.doubts import (
@@ -31,11 +30,6 @@ from flexid.identification.estimation.doubts import (
     widened,
 )
 from flexid.identification.estimation.excitations import row_sizes
-from flexid.identification.estimation.model_error import (
-    behind_a_dead_zone,
-    by_other_laws,
-    lagged,
-)
 from flexid.identification.estimation.rig_errors import (
     SHARE,
     SMALL_SHARE,
@@ -65,30 +59,25 @@ def disturbed_estimate(
     names = fitted.names
     # A spring that hardens may be one with play.
     may_have_play = PLAY.isdisjoint(names) and not HARDENING.isdisjoint(names)
+    squares = least_squares_start(fitted.structure, fitted.data, suited_rate(fitted))[1]
     doubted = Doubted(
         fitted,
-        row_sizes(_squares(fitted).rows),
+        row_sizes(squares.rows),
         dict(found.shares),
         input_unit,
         _by_gauge(found, data),
         by_eccentricity(fitted),
         _by_input_noise(found, logged),
         found.by_play if may_have_play else 0.0,
-        lagged(fitted),
-        behind_a_dead_zone(fitted) if input_unit == "V" else None,
-        by_other_laws(fitted),
     )
     errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]
     if fitted.converged:  # otherwise there is nothing to compare other fits with
-        own, halves = Repeat(fitted.values, np.diag(estimate.covariance)), _halves(found, data)
+        own = Repeat(fitted.values, np.diag(estimate.covariance))
         errors.append((between_bands(own, _in_other_bands(found, data)), OF_A_BAND))
-        errors += [(between_halves(*halves), OF_A_HALF)] if halves else []
+        one, other = side_by_side(lambda half: _refit(found, half, found.factor), data.halves())
+        errors += [(between_halves(one, other), OF_A_HALF)] if one and other else []
     every = [(covariance_of(directions), words) for directions, words in errors]
     return widened(estimate, [*every, (np.broadcast_to(hidden, estimate.covariance.shape), HIDDEN)])
-
-
-def _squares(fitted: Fitted) -> LeastSquaresFit:
-    return least_squares_start(fitted.structure, fitted.data, suited_rate(fitted))[1]
 
 
 def _by_input_noise(found: Disturbed, logged: Data) -> FloatArray:
@@ -159,12 +148,6 @@ def _in_other_bands(found: Disturbed, data: Data) -> list[Repeat]:
     }
     others = side_by_side(lambda factor: _refit(found, data, factor), sorted(factors))
     return [other for other in others if other is not None]
-
-
-def _halves(found: Disturbed, data: Data) -> tuple[Repeat, Repeat] | None:
-    """Fit the structure to either half of every recording; None if one of the fits fails."""
-    first, second = side_by_side(lambda half: _refit(found, half, found.factor), data.halves())
-    return (first, second) if first and second else None
 
 
 def _refit(found: Disturbed, data: Data, factor: int) -> Repeat | None:

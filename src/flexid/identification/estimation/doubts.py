@@ -14,6 +14,11 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import INPUT
+from flexid.identification.estimation.model_error import (
+    behind_a_dead_zone,
+    by_other_laws,
+    lagged,
+)
 from flexid.identification.full_model.model import Fitted
 from flexid.identification.vocabulary.evidence import Estimate, balance_of
 from flexid.models import flexible_joint as declared
@@ -58,14 +63,11 @@ class Doubted:
     shares: dict[str, float]  # unexplained over whole acceleration of each balance
     input_unit: str
     # (k,): change of the values if the deflection sensor reads 1 % more; None without such a sensor
-    by_gauge: FloatArray | None
+    by_gauge: FloatArray | None = None
     # (k, 3): change of gravity by encoder errors once per turn that the log allows
     by_eccentricity: FloatArray | None = None
     by_noise: FloatArray | None = None  # (k,): error of the values by noise of the input
     by_play: float = 0.0  # relative increase of the stiffness if the spring has play
-    by_lag: FloatArray | None = None  # (k,): error of the values if the delay may be a lag
-    by_dead_zone: FloatArray | None = None  # (k,): change of the values by an amplifier's dead zone
-    by_laws: FloatArray | None = None  # (k, m): change of the values by other laws of a term
 
     @property
     def none(self) -> FloatArray:
@@ -98,7 +100,9 @@ def further_modes(doubted: Doubted) -> FloatArray:
 
 def cable(doubted: Doubted) -> FloatArray:
     """Return errors of gravity by a cable that pulls the link back."""
-    return doubted.diagonal(lambda name, _: _CABLE * _inverse_size(doubted, name, LINK_GRAVITY))
+    gravity = {name: doubted.sizes.get(name, 0.0) for name in LINK_GRAVITY}
+    torques = {name: _CABLE / size for name, size in gravity.items() if size}
+    return doubted.diagonal(lambda name, _: torques.get(name, 0.0))
 
 
 def eccentric_encoders(doubted: Doubted) -> FloatArray:
@@ -155,10 +159,8 @@ def coil_error(fitted: Fitted, lag: float) -> FloatArray:
 
 
 def _of_balance(fitted: Fitted, balance: str) -> FloatArray:
-    """Return the coefficients of a balance among a fit's values, shape (k,); the others are 0.
-
-    Delays and constants of terms, such as velocities, are no coefficients.
-    """
+    """Return the coefficients of a balance among a fit's values, shape (k,); the others are 0."""
+    # Delays and constants of terms, such as velocities, are no coefficients.
     others = {*fitted.structure.timing.sought, *fitted.structure.joint.nonlinear.values()}
     own = [balance_of(name) == balance and name not in others for name in fitted.names]
     return np.where(own, fitted.values, 0.0)
@@ -166,12 +168,13 @@ def _of_balance(fitted: Fitted, balance: str) -> FloatArray:
 
 def lag(doubted: Doubted) -> FloatArray:
     """Return errors if the input's delay is a first-order lag, which reduces the input."""
-    return doubted.none if doubted.by_lag is None else doubted.by_lag[:, None]
+    return lagged(doubted.fitted)[:, None]
 
 
 def dead_zone(doubted: Doubted) -> FloatArray:
     """Return errors by an amplifier's dead zone, which reduces voltages."""
-    return doubted.none if doubted.by_dead_zone is None else doubted.by_dead_zone[:, None]
+    is_voltage = doubted.input_unit == "V"
+    return behind_a_dead_zone(doubted.fitted)[:, None] if is_voltage else doubted.none
 
 
 def play(doubted: Doubted) -> FloatArray:
@@ -199,7 +202,7 @@ def another_law(doubted: Doubted) -> FloatArray:
 
 def term_law(doubted: Doubted) -> FloatArray:
     """Return errors if a term follows a law between its own and another usual one."""
-    return doubted.none if doubted.by_laws is None else doubted.by_laws / np.sqrt(3.0)
+    return by_other_laws(doubted.fitted) / np.sqrt(3.0)
 
 
 def noise_of_the_input(doubted: Doubted) -> FloatArray:
@@ -315,8 +318,3 @@ def widened(
         most = np.diag(covariance) > 0.5 * np.diag(estimate.covariance)
         causes |= dict.fromkeys(np.array(estimate.names)[most].tolist(), words)
     return estimate, causes
-
-
-def _inverse_size(doubted: Doubted, name: str, of: frozenset[str]) -> float:
-    size = doubted.sizes.get(name, 0.0)
-    return 1.0 / size if size and name in of else 0.0

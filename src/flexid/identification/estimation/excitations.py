@@ -29,8 +29,8 @@ _MOSTLY = 0.5
 _SCATTER = 3.0  # standard deviations that a mean square of noise may exceed its expectation by
 _NO_MOTION = 1e-100  # least sum of squared accelerations, for a clamped row
 _PART = 0.1  # least squared component of a coefficient that is part of a direction
-# Least share of a square that is left about the mean: 10 µrad for zeros 10 rad apart. Rounding leaves
-# 1e-15. With 1e-9, antennas that bend by 50 µrad were undetermined for zeros 1.2 rad apart.
+# Least share of a square that is left about the mean: 10 µrad for zeros 10 rad apart. Rounding
+# leaves 1e-15. With 1e-9, antennas that bend by 50 µrad were undetermined for zeros 1.2 rad apart.
 _LEAST_MOTION = 1e-12
 
 

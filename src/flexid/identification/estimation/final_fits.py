@@ -1,6 +1,6 @@
 """Final fits to all data, and the covariance that their doubts add."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -22,9 +22,9 @@ from flexid.identification.estimation.excitations import (
 from flexid.identification.estimation.model_error import (
     driving_covariance,
     driving_frictions,
-    error_of,
+    model_error,
     stand_in_covariance,
-    widened_by,
+    widened,
 )
 from flexid.identification.full_model.fits_by_length import hold_covariance
 from flexid.identification.full_model.fitting import (
@@ -77,7 +77,7 @@ class FinalFits:
     @cached_property
     def in_full(self) -> Estimate:
         """Estimate of the full model."""
-        return widened_by(self.full, self.error)
+        return widened(self.full, self.error)
 
     @cached_property
     def squares(self) -> LeastSquaresFit:
@@ -101,10 +101,14 @@ class FinalFits:
     @cached_property
     def _aligned_data(self) -> Data:
         """All data with the channels' delays corrected."""
-        alignment = _alignment(self.reported.structure, self.reported.delays)
+        structure, delays = self.reported.structure, self.reported.delays
+        of_input, of_link = (
+            Delay(delays.get(name, 0.0), 0.0, (0.0, 0.0), "given") for name in (INPUT, LINK)
+        )
+        alignment = Alignment(structure.timing.hold, of_input, of_link, "")
         whole = self.recordings.whole
         timely = [with_velocities(aligned(recording, alignment)) for recording in whole]
-        return data_of(self.reported.structure.joint, timely, self.recordings.groups)
+        return data_of(structure.joint, timely, self.recordings.groups)
 
     @cached_property
     def scales(self) -> dict[str, float]:
@@ -168,8 +172,10 @@ def final_fits(
             other = replace(choice, structure=likelier.structure, fitted=likelier)
             reported, lengths_fitted, retreat = _reported(other, whole, fallback=False)
             choice = replace(choice, structure=likelier.structure)
-    choice = _as_reported(choice, reported)
-    error = error_of(reported, lengths_fitted, thresholds)
+    joint = reported.structure.joint  # with the constants of shapes fitted to all data
+    structure = replace(choice.structure, joint=joint)
+    choice = replace(choice, structure=structure, full=replace(choice.full, joint=joint))
+    error = model_error(reported, lengths_fitted, thresholds)
     rate = suited_rate(reported, filter_rate)
     full = _full(choice, reported)
     driving = driving_frictions(reported, thresholds)
@@ -181,7 +187,7 @@ def final_fits(
 def with_doubts(fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds) -> Estimate:
     """Return the estimate with all doubts in its covariance."""
     reported, error = fits.reported, fits.error
-    estimate = with_free_width(widened_by(reported, error), reported)
+    estimate = with_free_width(widened(reported, error), reported)
     estimate = estimate.widened(hidden_covariance(fits))
     estimate = estimate.widened(hold_covariance(reported, fits.choice.by_length.tied))
     estimate = estimate.widened(stand_in_covariance(reported, error, thresholds))
@@ -195,7 +201,12 @@ def _reported(
     """Fit the structure to all data; on failure, with `fallback`, return the choice's own fit."""
     structure = choice.structure
     start = {**structure.timing.delays, **reflected(choice.fitted.by_name)}
-    for begin in (lambda: start, lambda: _new_start(choice, whole)):
+
+    def new_start() -> dict[str, float]:
+        """Return values from all data: the input may have acted only in the held-out end."""
+        return first_fits(structure, whole, lengths(whole, choice.duration))[-1].by_name
+
+    for begin in (lambda: start, new_start):
         try:
             fitted, lengths_fitted = fit_to(structure, whole, begin(), choice.duration)
         except ConvergenceError:
@@ -212,10 +223,8 @@ def _reported(
 
 
 def _with_another_law(reported: Fitted) -> Fitted | None:
-    """Return the fit with another law of a term if it is clearly likelier, or None.
-
-    The search compares laws with coarse integration steps, whose error hides small differences.
-    """
+    """Return the fit with another law of a term if it is clearly likelier, or None."""
+    # The search compares laws with coarse integration steps, whose error hides small differences.
     least = reported.minimum.equations.cost - CHANCE * max(reported.excess, 1.0)
     for structure in with_other_laws(reported.structure):
         other = fit_like(structure, reported) or fit_from(reported, structure, steps=EXPLORING)
@@ -224,24 +233,9 @@ def _with_another_law(reported: Fitted) -> Fitted | None:
     return None
 
 
-def _as_reported(choice: Choice, reported: Fitted) -> Choice:
-    """Return the choice with the constants of shapes fitted to all data."""
-    joint = reported.structure.joint
-    structure = replace(choice.structure, joint=joint)
-    return replace(choice, structure=structure, full=replace(choice.full, joint=joint))
-
-
-def _new_start(choice: Choice, whole: Data) -> dict[str, float]:
-    """Return start values from all data: the input may have acted only in the held-out end."""
-    divisions = lengths(whole, choice.duration)
-    return first_fits(choice.structure, whole, divisions)[-1].by_name
-
-
 def _full(choice: Choice, reported: Fitted) -> Fitted:
-    """Fit the model with all usual terms, for intervals of removed ones.
-
-    It takes the same integration steps as the reported fit, so differences come from terms alone.
-    """
+    """Fit the model with all usual terms, for intervals of removed ones."""
+    # It takes the same integration steps as the reported fit, so differences come from terms alone.
     shapes = choice.structure.joint.shapes & choice.structure.absent
     usual = replace(
         choice.full,
@@ -249,14 +243,6 @@ def _full(choice: Choice, reported: Fitted) -> Fitted:
         fixed={**choice.full.fixed, **reported.at_bound},
     )
     return fit_like(usual, reported) or expanded(usual, reported)
-
-
-def _alignment(structure: Structure, delays: Mapping[str, float]) -> Alignment:
-    """Return the alignment that corrects the given delays."""
-    input_delay, link_delay = (
-        Delay(delays.get(name, 0.0), 0.0, (0.0, 0.0), "given") for name in (INPUT, LINK)
-    )
-    return Alignment(structure.timing.hold, input_delay, link_delay, "")
 
 
 def hidden_covariance(fits: FinalFits, certain: Collection[str] = ()) -> FloatArray:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, after_a_lag
-from flexid.estimators.prediction_error import NEGLIGIBLE, minimise
+from flexid.estimators.prediction_error import NEGLIGIBLE, Steps, minimise
 from flexid.identification.estimation.model_error import filtered_input
 from flexid.identification.full_model.model import Fitted
 
@@ -72,17 +72,15 @@ def lag_error(fitted: Fitted, lag: float) -> FloatArray:
 def _with_lag(
     fitted: Fitted, lag: float, iterations: int = _ITERATIONS
 ) -> tuple[float, FloatArray]:
-    """Return the least cost and the values, shape (k,), with a lag in s in place of some delay.
-
-    The cost is infinite if the motion diverges.
-    """
+    """Return the least cost and the values, shape (k,), with a lag in s in place of some delay."""
+    # The cost is infinite if the motion diverges.
     problem, point = fitted.problem, fitted.minimum.point
     inputs = problem.segments.inputs.copy()
     inputs[:, 0] = filtered_input(fitted, after_a_lag, lag)
     driven = replace(problem, segments=replace(problem.segments, inputs=inputs))
     start = replace(point, values=fitted.values - lag * _is_delay(fitted))
     try:
-        found = minimise(driven, start, NEGLIGIBLE, insist=False, iterations=iterations)
+        found = minimise(driven, start, Steps(NEGLIGIBLE, insist=False, iterations=iterations))
     except ConvergenceError:
         return np.inf, fitted.values
     return found.equations.cost, found.point.values

@@ -72,7 +72,8 @@ def answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
 
 def _with_amplifier(amplifier: Amplifier, job: Job) -> Job:
     """Return the job with the amplifier's output as its input."""
-    return replace(job, recordings=amplifier.split_behind(job.recordings))
+    recorded = tuple(map(amplifier.behind, job.recordings.recorded))
+    return replace(job, recordings=replace(job.recordings, recorded=recorded))
 
 
 def _is_likelier(other: Answer, found: Answer) -> bool:

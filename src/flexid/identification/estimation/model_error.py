@@ -20,15 +20,16 @@ that noise in the input. The change is about the same as from no noise to the re
 from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, after_a_lag, before_a_lag
-from flexid.estimators.prediction_error import minimise
+from flexid.estimators.prediction_error import ROUGH, Steps, minimise
 from flexid.identification.full_model.fitting import beyond_noise, expanded, fit_like
-from flexid.identification.full_model.model import ROUGH, Fitted, once_per_fit
+from flexid.identification.full_model.model import Fitted
 from flexid.identification.preparation.recordings import Amplifier
 from flexid.identification.structure.gap import CHANCE, is_dead_zone
 from flexid.identification.structure.sought_terms import (
@@ -44,17 +45,14 @@ from flexid.recording.velocities import position_noise
 _WHITE = 3.0  # power of time of the variance of a motion under white noise
 
 
-def _nothing(_: Fitted) -> float:
-    return 0.0
-
-
 def model_error(
-    fitted: Fitted,
-    lengths_fitted: Sequence[Fitted],
-    thresholds: Thresholds,
-    explained: Callable[[Fitted], float] = _nothing,
+    fitted: Fitted, lengths_fitted: Sequence[Fitted], thresholds: Thresholds
 ) -> ModelError:
-    """Look for a model error in the residuals of a fit."""
+    """Look for a model error in a fit's residuals; of a link alone, beyond its input's noise."""
+
+    def explained(one_length: Fitted) -> float:
+        return input_noise(one_length).excess if _is_driven(one_length) else 0.0
+
     floor = thresholds.noise_floor(lengths_fitted[0].excess)
     own = beyond_noise(fitted, floor + explained(fitted), lengths_fitted[0])
     if own <= 0.0:
@@ -68,23 +66,27 @@ def model_error(
     return ModelError(own / fitted.problem.degrees_of_freedom, growth, share)
 
 
-def widened(
-    fitted: Fitted,
-    error: ModelError,
-    least: FloatArray | float = 0.0,  # (k,)
-) -> Estimate:
+def _is_driven(fitted: Fitted) -> bool:
+    """Whether a fit is of a link alone, driven by the motor's measured motion."""
+    return fitted.structure.joint.kind == "link"
+
+
+def widened(fitted: Fitted, error: ModelError) -> Estimate:
     """Return the estimate of a fit with the model error in its covariance.
 
     If noise explains the residuals, the covariance is shrunk towards that of white noise. Otherwise
-    it comes from the blocks, but no deviation is below `least` or the sensors' noise. Dry friction
-    may make the sum of squares rough, so the last step that was not taken is added as an error.
+    it comes from the blocks, but no deviation is below that of the sensors' noise. For a link
+    alone, none is below that of the sensors' and the input's noise. Dry friction may make the sum
+    of squares rough, so the last step that was not taken is added as an error.
     """
     estimate, reduced = fitted.fit, fitted.minimum.reduced
     if error.excess == 0.0:
         estimate = estimate.drawn_to(reduced.inverse)
-    else:
-        least = np.maximum(least, fitted.unit_deviations)
-    estimate = estimate.at_least(least)
+    if _is_driven(fitted):
+        noise = input_noise(fitted).deviations
+        estimate = estimate.at_least(np.hypot(fitted.unit_deviations, noise))
+    elif error.excess > 0.0:
+        estimate = estimate.at_least(fitted.unit_deviations)
     beyond = error.excess * fitted.problem.degrees_of_freedom if error.share > 0.0 else 0.0
     untaken = np.outer(reduced.values_step, reduced.values_step)
     return estimate.widened(error.share**2 * beyond * reduced.inverse + untaken)
@@ -160,7 +162,7 @@ def _growth(
 
 
 _DRAWS = 16
-_FEW = 6  # Gauss-Newton steps to another law
+_FEW = Steps(ROUGH, insist=False, iterations=6)  # to another law
 _SPREAD = 3.0  # standard deviations of the effect of one log's noise
 SEED = 20031
 _DEAD_ZONE = 0.02  # standard deviation over the largest input: amplifiers have up to 4 %
@@ -176,9 +178,18 @@ class InputNoise:
     deviations: FloatArray  # (k,): standard deviation of each value from this noise
 
 
-@once_per_fit
+# The effect is needed several times. The keys are weak, since a fit refers to all data of its log.
+_KNOWN: WeakKeyDictionary[Fitted, InputNoise] = WeakKeyDictionary()
+
+
 def input_noise(fitted: Fitted) -> InputNoise:
     """Return the effect of the first input's noise on a fit."""
+    if fitted not in _KNOWN:
+        _KNOWN[fitted] = _input_noise(fitted)
+    return _KNOWN[fitted]
+
+
+def _input_noise(fitted: Fitted) -> InputNoise:
     longest = max(fitted.data.samples, key=len)
     noise = position_noise(longest.inputs[:, 0])
     rng = np.random.default_rng(SEED)
@@ -198,10 +209,8 @@ def with_more(fitted: Fitted, noise: FloatArray) -> tuple[float, FloatArray]:
 
 
 def _change(fitted: Fitted, signal: FloatArray, values: FloatArray) -> tuple[float, FloatArray]:
-    """Return the changes of the least cost and of the values, shape (k,), under another input.
-
-    They come from one step from the given values.
-    """
+    """Return the changes of the least cost and of the values, shape (k,), under another input."""
+    # They come from one step from the given values.
     problem, minimum = fitted.problem, fitted.minimum
     inputs = problem.segments.inputs.copy()
     inputs[:, 0] = signal
@@ -244,9 +253,8 @@ def by_other_laws(fitted: Fitted) -> FloatArray:
     hidden, changes = CHANCE * max(fitted.excess, 1.0) + beyond, []
     for structure in with_other_laws(fitted.ended):
         seen = expanded(structure.with_hold(fitted.problem.timing.hold), fitted)
-        start, rest = seen.minimum.point, {"insist": False, "iterations": _FEW}
         with suppress(ConvergenceError):
-            other = minimise(seen.problem, start, ROUGH, **rest)
+            other = minimise(seen.problem, seen.minimum.point, _FEW)
             rise = other.equations.cost - fitted.minimum.equations.cost
             is_exact = fitted.problem.observer is None
             share = _hidden_share(rise, hidden) if is_exact else 1.0
@@ -280,22 +288,3 @@ def behind_a_dead_zone(fitted: Fitted) -> FloatArray:
 def _hidden_share(rise: float, hidden: float) -> float:
     """Return the share of a change that may stay hidden, if the whole raises the cost by `rise`."""
     return float(np.sqrt(hidden / rise)) if rise > hidden else 1.0
-
-
-def error_of(
-    fitted: Fitted, lengths_fitted: Sequence[Fitted], thresholds: Thresholds
-) -> ModelError:
-    """Return the model error; for the link alone, beyond the effect of its input's noise."""
-    if fitted.structure.joint.kind == "link":
-        return model_error(
-            fitted, lengths_fitted, thresholds, lambda one_length: input_noise(one_length).excess
-        )
-    return model_error(fitted, lengths_fitted, thresholds)
-
-
-def widened_by(fitted: Fitted, error: ModelError) -> Estimate:
-    """Return the estimate with the model error; for the link alone also with its input's noise."""
-    if fitted.structure.joint.kind == "link":
-        noise = input_noise(fitted).deviations
-        return widened(fitted, error, np.hypot(fitted.unit_deviations, noise))
-    return widened(fitted, error)

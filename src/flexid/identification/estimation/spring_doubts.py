@@ -63,11 +63,9 @@ def weak_spring(what: str, period: str, share: str) -> Caution:
 
 
 def _over_a_period(fitted: Fitted, job: Job) -> tuple[float, float]:
-    """Return the resonance's period in s, and the per cent of the deflection predicted over it.
-
-    A prediction begins from the state that fits one period before. A state that fits more periods
-    would be shifted by disturbances.
-    """
+    """Return the resonance's period in s, and the per cent of the deflection predicted over it."""
+    # A prediction begins from the state that fits one period before. A state that fits more periods
+    # would be shifted by disturbances.
     whole, ends = job.whole, job.recordings.starts
     period = float(whole.periods(np.array(resonance(fitted.by_name))))
 

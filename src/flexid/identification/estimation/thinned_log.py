@@ -31,6 +31,7 @@ _BY_NOISE = 2.0  # standard deviations of a velocity
 _POWER = 0.99  # share of a rigid joint's squared acceleration that lies in its band
 _RIGID_PER_PERIOD = 8.0  # samples per period of the highest frequency in that band
 _FEWEST = 200  # least number of samples after thinning
+_TINY = np.finfo(float).tiny
 
 
 def thinning(data: Data, start: Mapping[str, float], per_period: float = PER_PERIOD) -> int:
@@ -117,7 +118,8 @@ def directions(
     for samples in recordings:
         window = round(min(_LONGEST_WINDOW / samples.sample_time, _WINDOW * (in_band or factor)))
         moved = [_velocity(column, samples.sample_time, window) for column in samples.positions.T]
-        each = np.column_stack([_direction(*velocity) for velocity in moved])
+        expected = [erf(rate / np.sqrt(2.0) / max(noise, _TINY)) for rate, noise in moved]
+        each = np.column_stack(expected)
         slow = np.column_stack([_is_slow(*velocity) for velocity in moved])
         smooth = _convolved(each, factor) if factor > 1 else each
         total = np.cumsum(0.5 * (smooth[1:] + smooth[:-1]), axis=0)
@@ -140,16 +142,9 @@ def _velocity(position: FloatArray, sample_time: float, window: int) -> tuple[Fl
     return rate, position_noise(position) / sample_time * np.sqrt(12.0 / window**3)
 
 
-def _direction(rate: FloatArray, deviation: float) -> FloatArray:
-    """Return the expected sign of a velocity."""
-    return erf(rate / np.sqrt(2.0) / max(deviation, np.finfo(float).tiny))
-
-
 def _is_slow(rate: FloatArray, deviation: float) -> NDArray[np.bool_]:
-    """Return where a row is nearly at rest, so that its friction follows no simple law.
-
-    This is nowhere if noise hides whether the row is slow.
-    """
+    """Return where a row is nearly at rest, so that its friction follows no simple law."""
+    # This is nowhere if noise hides whether the row is slow.
     slow = _SLOW * np.sqrt(np.mean(rate**2))
     return (np.abs(rate) <= slow) & (_BY_NOISE * deviation <= slow)
 

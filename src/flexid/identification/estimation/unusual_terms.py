@@ -19,7 +19,7 @@ from flexid.identification.estimation.band import (
     fits_in_band,
     shares_of,
 )
-from flexid.identification.full_model.fits_by_length import FOLLOWED, only_brakes
+from flexid.identification.full_model.fits_by_length import FOLLOWED
 from flexid.identification.full_model.fitting import expanded
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.structure.gap import (
@@ -34,6 +34,7 @@ from flexid.identification.structure.gap import (
     with_other_damping,
 )
 from flexid.identification.structure.shapes import SoughtShape
+from flexid.identification.structure.sought_terms import HYSTERETIC
 from flexid.models.flexible_joint import HYSTERESIS, HYSTERESIS_GRIP, SHAPE_TERMS, SPRING, TERMS
 
 # Coefficients of the spring in the link's row, and those in the motor's row.
@@ -89,13 +90,13 @@ def with_play(
 def with_hysteresis(fit: FitInBand, data: Data, factor: int) -> Iterator[FitInBand]:
     """Yield the fit with hysteresis if it brakes, is likelier and explains clearly more."""
     structure, joint = fit.fitted.structure, fit.fitted.structure.joint
-    if HYSTERESIS.isdisjoint(joint.shapes) or not HYSTERESIS & joint.shapes <= structure.absent:
+    if HYSTERESIS.isdisjoint(joint.shapes) or HYSTERETIC.is_in(fit.fitted):
         return
     structure = replace(structure, absent=structure.absent - HYSTERESIS)
     start = {**fit.fitted.by_name, HYSTERESIS_GRIP: joint.first[HYSTERESIS_GRIP]}
     for other in fits_in_band([(structure, start)], data, factor):
         likelier = other.cost < fit.cost - CHANCE
-        if likelier and _explains_more(other, fit, "link") and only_brakes(other.fitted):
+        if likelier and _explains_more(other, fit, "link") and HYSTERETIC.is_possible(other.fitted):
             yield other
 
 

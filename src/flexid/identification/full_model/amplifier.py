@@ -254,10 +254,8 @@ def _is_crossed(data: Data, amplifier: Amplifier) -> bool:
 
 
 def _moves(data: Data, rate: float) -> NDArray[np.bool_]:
-    """Return whether the motor was hardly ever slow in the filter's memory, by equation.
-
-    While the motor sticks, friction balances the voltage, like a dead zone.
-    """
+    """Return whether the motor was hardly ever slow in the filter's memory, by equation."""
+    # While the motor sticks, friction balances the voltage, like a dead zone.
     speeds = []
     for samples in data.samples:
         assert samples.velocities is not None

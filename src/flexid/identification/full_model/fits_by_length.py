@@ -7,7 +7,6 @@ The longest segments decide; if they do not, the holds are tied.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from operator import itemgetter
 
 import numpy as np
 
@@ -32,7 +31,6 @@ from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.full_model.starting import first_fits, short
 from flexid.identification.vocabulary import Progress
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
-from flexid.models.flexible_joint import HYSTERESIS, HYSTERESIS_GRIP
 from flexid.recording.recording import Hold
 
 TURNING = 0.5
@@ -47,8 +45,6 @@ FOLLOWED = 2
 _RIGID_EXCESS = 100.0
 _LONGER = 1.5  # ratio of durations: lengths double
 _HARDLY_MORE = 1.5  # times the excess that noise explains, which all data may still reach
-# Start values of the grip of hysteresis, over the value that suits the motion.
-_GRIPS = (4.0, 2.0, 1.0, 0.5, 0.25)
 _WORDS: dict[Hold, str] = {"zero": "held", "linear": "on straight lines", "cubic": "smooth"}
 _TIED = "the log does not distinguish the holds; this one needs the least delay"
 
@@ -97,10 +93,8 @@ def nearly_explains(fitted: Fitted, thresholds: Thresholds) -> bool:
 def _longer(
     first: Fitted, divisions: Sequence[Segments], thresholds: Thresholds, *, exact: bool
 ) -> list[Fitted]:
-    """Return fits over longer segments.
-
-    Unless `exact`, the series ends after a fit that leaves too much to be reported.
-    """
+    """Return fits over longer segments."""
+    # Unless `exact`, the series ends after a fit that leaves too much to be reported.
 
     def should_continue(fitted: Fitted) -> bool:
         return exact or fitted.duration < TURNING or is_acceptable(fitted, thresholds)
@@ -137,42 +131,6 @@ def fit_full_model(
         progress("how the input runs between its samples")
     held = with_best_hold(found, divisions, holds, not durations, thresholds, known)
     return replace(held, exact=exact)
-
-
-def fit_with_hysteresis(
-    by_length: FitsByLength,
-    before: Fitted,
-    progress: Progress,
-    thresholds: Thresholds = THRESHOLDS,
-) -> FitsByLength | None:
-    """Fit a joint with hysteresis if the fit without leaves more than noise; None if no help."""
-    full = by_length.found[-1].structure
-    joint = full.joint
-    if HYSTERESIS.isdisjoint(joint.shapes):
-        return None
-    structure = replace(full, absent=full.absent - HYSTERESIS)
-    structure = structure.with_hold(before.structure.timing.hold)
-    progress("hysteresis of the spring")
-    starts = [
-        {**before.by_name, HYSTERESIS_GRIP: share * joint.first[HYSTERESIS_GRIP]}
-        for share in _GRIPS
-    ]
-    some = sampled(before)
-    promising = [(promised(some, structure, start), start) for start in starts]
-    floor = thresholds.noise_floor(by_length.found[0].excess)
-    for promise, start in sorted(promising, key=itemgetter(0), reverse=True)[:FOLLOWED]:
-        if promise < thresholds.shape_promise:
-            break
-        first = explained_by(before, structure, start, floor, thresholds, only_brakes)
-        if first is not None:
-            found = [first, *by_length.longer(first, thresholds)]
-            return by_length.with_term(found, thresholds)
-    return None
-
-
-def only_brakes(fitted: Fitted) -> bool:
-    """Whether no friction of a spring with hysteresis is negative; that would mean a gap."""
-    return all(fitted.by_name.get(name, 0.0) >= 0.0 for name in HYSTERESIS)
 
 
 def turning(found: Sequence[Fitted], thresholds: Thresholds) -> Fitted | None:
@@ -261,8 +219,7 @@ def with_best_hold(
 ) -> FitsByLength:
     """Return fits with the best hold, over the same segments; `known` is `best_hold` of these."""
     if len(holds) == 1:
-        refined = with_steps_refined(found)
-        return FitsByLength(refined, tuple(divisions), free_length, tuple(holds), "as given")
+        known = found[-1], "as given", ()
     if not known and found[-1].excess > thresholds.sensor_excess:
         found = [*found[:-1], in_own_steps(found[-1])]  # errors of coarse steps may hide the hold
     best, reason, tied = known or best_hold(found[-1], holds, thresholds)
@@ -341,11 +298,9 @@ def best_hold(
 
 
 def _misfits(found: Sequence[Fitted]) -> FloatArray:
-    """Return -2 log probability of each hold, up to a constant.
-
-    A delay of zero is common in controllers. Any other delay has a uniform prior up to the margin
-    of the data, so a delay of just half a sample is an unlikely coincidence (Bayes factor).
-    """
+    """Return -2 log probability of each hold, up to a constant."""
+    # A delay of zero is common in controllers. Any other delay has a uniform prior up to the margin
+    # of the data, so a delay of just half a sample is an unlikely coincidence (Bayes factor).
     scale = residual_variance(found)
     misfits = np.array([fitted.minimum.equations.cost for fitted in found]) / scale
     for i, fitted in enumerate(found):

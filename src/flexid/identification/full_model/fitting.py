@@ -6,7 +6,7 @@ states of the one before it.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -15,17 +15,18 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.normal_equations import least_with
 from flexid.estimators.prediction_error import (
-    ITERATIONS,
+    FINE,
     MOST,
     NEARLY_NOISE,
     Minimum,
+    Steps,
     minimise,
     refinement,
 )
 from flexid.estimators.samples import Segments, divide
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.unknowns import Unknowns, bounded_fit
-from flexid.identification.full_model.model import FINE, ROUGH, Data, Fitted, M, Structure
+from flexid.identification.full_model.model import Data, Fitted, M, Structure
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import POSITIVE
 
@@ -41,28 +42,6 @@ _CHANCE = 3.0  # standard deviations of a sum of squares
 _KNOWN = 20.0
 _ENOUGH = 10_000  # samples that suffice for a trial
 
-
-@dataclass(frozen=True)
-class Steps:
-    """Options of the Gauss-Newton steps and of the integration."""
-
-    tolerance: float = ROUGH  # largest length of the last step in standard deviations
-    insist: bool = True  # whether to raise without convergence
-    iterations: int = ITERATIONS  # largest number of steps
-    enough: float = 0.0  # variance of the residuals up to which convergence is not required
-    promised: float = np.inf  # largest variance predicted by the first step, to go on
-    least_gain: float = 0.0  # relative fall of the sum of squares below which steps end
-    coarser: float = 1.0  # number of integration steps over the usual number
-    most_substeps: float = np.inf  # largest number of integration steps per sample
-
-    def taken_by(self, problem: SegmentedMotion) -> SegmentedMotion:
-        """Return the motion with these integration steps."""
-        substeps = min(np.ceil(self.coarser * problem.substeps), self.most_substeps)
-        return replace(problem, substeps=int(substeps))
-
-
-USUAL = Steps()
-"""Steps that require convergence, with the usual integration."""
 
 ON_THE_WAY = Steps(enough=NEARLY_NOISE)
 """Steps of an intermediate fit."""
@@ -135,11 +114,9 @@ def longer_fits(
 
 
 def _explained_over(longest: Segments, short: Fitted) -> Fitted | None:
-    """Return a fit over the longest segments if it leaves no more than the short ones, or None.
-
-    The short fit must determine inertias and stiffness. Otherwise several minima may explain the
-    log, and the lengths between are needed.
-    """
+    """Return a fit over the longest segments if it leaves no more than the short ones, or None."""
+    # The short fit must determine inertias and stiffness. Otherwise several minima may explain the
+    # log, and the lengths between are needed.
     if short.excess > THRESHOLDS.sensor_excess or not _is_known(short):
         return None
     with suppress(ConvergenceError):
@@ -233,7 +210,10 @@ def fit_to(
     states = last.minimum.point.initial_states
     nearly = {**shapes, **last.by_name}
     fitted = in_own_steps(refit(structure, data, nearly, divisions[-1], FINE, states))
-    return fitted, [*found[:-1], fitted, *_over_doubled_lengths(fitted)]
+    longer = [fitted.problem.segments]
+    while len(longer) < 3 and (doubled := longer[-1].merged()) is not None:
+        longer.append(doubled)
+    return fitted, [*found[:-1], fitted, *longer_fits(fitted, longer[1:])]
 
 
 def expanded(structure: Structure[M], fitted: Fitted[M]) -> Fitted[M]:
@@ -255,14 +235,6 @@ def expanded(structure: Structure[M], fitted: Fitted[M]) -> Fitted[M]:
     equations = problem.equations(point)
     minimum = Minimum(point, equations, problem.solve(equations), 0, np.inf)
     return Fitted(structure, fitted.data, problem, minimum, fitted.duration)
-
-
-def _over_doubled_lengths(fitted: Fitted) -> list[Fitted]:
-    """Return fits over segments of twice and four times the length, if the data allow them."""
-    divisions = [fitted.problem.segments]
-    while len(divisions) < 3 and (longer := divisions[-1].merged()) is not None:
-        divisions.append(longer)
-    return longer_fits(fitted, divisions[1:])
 
 
 def refit(
@@ -367,16 +339,7 @@ def fit_segments(
     finer = data.refinement if steps.tolerance <= FINE else 1
     problem, point = motion_at(structure, data, segments, start, states, finer)
     problem = steps.taken_by(problem)
-    found = minimise(
-        problem,
-        point,
-        steps.tolerance,
-        insist=steps.insist,
-        iterations=steps.iterations,
-        enough=steps.enough,
-        promised=steps.promised,
-        least_gain=steps.least_gain,
-    )
+    found = minimise(problem, point, steps)
     values = dict(zip(problem.names, found.point.values.tolist(), strict=True))
     ended = structure.beginning_at(values)
     return Fitted(ended, data, problem, found, segments.mean_duration)

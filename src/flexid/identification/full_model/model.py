@@ -3,18 +3,17 @@
 The unknowns are the coefficients of the joint and the delays of the recording's channels.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, wraps
-from typing import Concatenate, Generic, ParamSpec
-from weakref import WeakKeyDictionary
+from functools import cached_property
+from typing import Generic
 
 import numpy as np
 from typing_extensions import TypeVar
 
 from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.prediction_error import FLAT, Minimum, described
+from flexid.estimators.prediction_error import FLAT, ROUGH, Minimum, described
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import SegmentedMotion
 from flexid.estimators.unknowns import Bounds, Unknowns
@@ -27,9 +26,6 @@ from flexid.recording.velocities import position_noise
 
 LINK = "link_delay"
 """Name of the delay of the link's position."""
-
-ROUGH, FINE = 1.0, 1e-2
-"""Length of the last step, in standard deviations, of an intermediate and of a final fit."""
 
 _MARGIN = 0.03  # s
 _LARGEST_MARGIN = 0.05  # of a recording
@@ -289,36 +285,7 @@ class Fitted(Generic[M]):
         """Whether all delays are within the margin of the data."""
         return not self.excessive_delays
 
-    def coefficients(self, recording: int) -> FloatArray:
-        """Return all coefficients of the system in a recording."""
-        unknowns = self.problem.unknowns
-        return unknowns.coefficients(self.values[: len(unknowns.names)], recording)
-
     @property
     def delays(self) -> dict[str, float]:
         """All delays in s, by name."""
         return self.problem.delays(self.values)
-
-
-Rest = ParamSpec("Rest")
-Result = TypeVar("Result")
-
-
-def once_per_fit(
-    function: Callable[Concatenate[Fitted, Rest], Result],
-) -> Callable[Concatenate[Fitted, Rest], Result]:
-    """Cache a function of a fit and of further hashable arguments, as long as the fit exists.
-
-    The cache does not keep the fit alive, since a fit refers to all data of its log.
-    """
-    kept: WeakKeyDictionary[Fitted, dict[object, Result]] = WeakKeyDictionary()
-
-    @wraps(function)
-    def wrapper(fitted: Fitted, *args: Rest.args, **kwargs: Rest.kwargs) -> Result:
-        own = kept.setdefault(fitted, {})
-        key = (args, *sorted(kwargs.items()))
-        if key not in own:
-            own[key] = function(fitted, *args, **kwargs)
-        return own[key]
-
-    return wrapper

@@ -21,13 +21,12 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
+from flexid.estimators.prediction_error import USUAL, Steps
 from flexid.estimators.samples import Segments, first_states, side_by_side
 from flexid.estimators.state_variable_filter import FASTEST, LeastSquaresFit, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model.fitting import (
     FIRST_STEPS,
-    USUAL,
-    Steps,
     fit_by_length,
     in_part,
     motion_at,
@@ -110,11 +109,9 @@ def _misfit(
     states: FloatArray,
     steps: Steps,
 ) -> float:
-    """Return the mean logarithm of a start's residuals over segments with fitted initial states.
-
-    A good start may still fail in segments where a side sticks or is jolted. These would dominate a
-    sum.
-    """
+    """Return the mean logarithm of a start's residuals over segments with fitted initial states."""
+    # A good start may still fail in segments where a side sticks or is jolted. These would dominate
+    # a sum.
     problem, point = motion_at(structure, data, segments, start, states)
     problem = steps.taken_by(problem)
     equations = problem.equations(point, "states")
@@ -125,11 +122,9 @@ def _misfit(
 
 
 def _while_moving(fit: LeastSquaresFit) -> dict[str, float]:
-    """Return least squares of each row over the samples at which its side kept moving one start.
-
-    There the filtered direction of the motion is 1 or -1, so the side neither reversed nor stuck
-    within the filter's memory. A row is left out if such samples are few, or if all are.
-    """
+    """Return least squares of each row over the samples at which its side kept moving one start."""
+    # There the filtered direction of the motion is 1 or -1, so the side neither reversed nor stuck
+    # within the filter's memory. A row is left out if such samples are few, or if all are.
     found: dict[str, float] = {}
     for row in fit.rows:
         frictions = [i for i, c in enumerate(row.coefficients) if c in declared.DRY_FRICTIONS]
@@ -157,10 +152,8 @@ def _start_values(structure: Structure, values: Mapping[str, float]) -> dict[str
 
 
 def _passive(values: Mapping[str, float]) -> dict[str, float]:
-    """Return start values of a passive joint, whose motion cannot diverge.
-
-    Least squares of channels with different delays may have negative frictions and stiffnesses.
-    """
+    """Return start values of a passive joint, whose motion cannot diverge."""
+    # Least squares of channels with different delays may have negative frictions and stiffnesses.
     found = {}
     for name, value in values.items():
         base = name.partition("[")[0]
@@ -291,11 +284,9 @@ class _Schedule(NamedTuple):
 
 
 def _schedules(divisions: Sequence[Segments]) -> Iterator[_Schedule]:
-    """Yield schedules, each for logs on which the ones before it fail.
-
-    The first start is enough for most logs. Longer segments show more above the noise; shorter ones
-    tolerate worse starts.
-    """
+    """Yield schedules, each for logs on which the ones before it fail."""
+    # The first start is enough for most logs. Longer segments show more above the noise; shorter
+    # ones tolerate worse starts.
     yield _Schedule(divisions, together=1)
     for place in range(1, len(short(divisions))):
         yield _Schedule(divisions[place:], starts=_TOGETHER)
@@ -310,10 +301,9 @@ def _fits_from_starts(
     schedule: _Schedule,
     should_continue: Callable[[Fitted], bool],
 ) -> Iterator[list[Fitted]]:
-    """Yield the fits from each start that passes the schedule's first division.
-
-    From a minimum over that division which an earlier start has reached too, its fits are yielded.
-    """
+    """Yield the fits from each start that passes the schedule's first division."""
+    # From a minimum over that division which an earlier start has reached too, its fits are
+    # yielded.
     divisions, before = schedule.divisions, schedule.finer
     first = in_part(divisions[0])
 

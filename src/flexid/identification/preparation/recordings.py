@@ -112,10 +112,6 @@ class Amplifier:
             return recording
         return replace(recording, input=self.reached(recording.input, recording.sample_time))
 
-    def split_behind(self, recordings: SplitRecordings) -> SplitRecordings:
-        """Return split recordings with the amplifier's output as their input."""
-        return replace(recordings, recorded=tuple(map(self.behind, recordings.recorded)))
-
 
 IDEAL = Amplifier()
 """Amplifier that changes nothing."""
@@ -227,11 +223,9 @@ def _with_channels_of(model: Kind | Auto, recording: Recording) -> Recording:
 
 
 def _whole_drive(recording: Recording) -> Recording:
-    """Return the recording of one motion: the mean of both sides, about the motor's zero.
-
-    With inertias J1 and J2 and the deflection δ, the input moves J1 + J2 along the mean, and
-    (J2 - J1) δ'' / 2 more. Along the motor's motion it would be J2 δ''.
-    """
+    """Return the recording of one motion: the mean of both sides, about the motor's zero."""
+    # With inertias J1 and J2 and the deflection δ, the input moves J1 + J2 along the mean, and (J2
+    # - J1) δ'' / 2 more. Along the motor's motion it would be J2 δ''.
     alone = replace(recording, link_position=None, link_velocity=None)
     if recording.link_position is None or recording.clamped or _shows_no_deflection(recording):
         return alone

@@ -288,11 +288,9 @@ def _needed(function: PhysicalParameter) -> tuple[str, ...]:
 def _solved(
     exact: Mapping[str, tuple[PhysicalParameter, float]],
 ) -> tuple[dict[str, float], list[str]]:
-    """Return coefficients that exact values determine, and names of the remaining functions.
-
-    A product of powers is a row of exponents. A product whose row is a combination of other rows
-    follows from the values of these.
-    """
+    """Return coefficients that exact values determine, and names of the remaining functions."""
+    # A product of powers is a row of exponents. A product whose row is a combination of other rows
+    # follows from the values of these.
     products = {
         # If a product is zero, its divisors do not matter.
         name: ({c: power for c, power in function.exponents.items() if value or power > 0}, value)

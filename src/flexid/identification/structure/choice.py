@@ -11,6 +11,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import INPUT
+from flexid.estimators.prediction_error import ROUGH
 from flexid.identification.full_model.amplifier import shows_saturation
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
@@ -19,7 +20,7 @@ from flexid.identification.full_model.fits_by_length import (
     is_acceptable,
 )
 from flexid.identification.full_model.fitting import ON_THE_WAY, fit_from, fit_like
-from flexid.identification.full_model.model import ROUGH, Fitted, Structure
+from flexid.identification.full_model.model import Fitted, Structure
 from flexid.identification.structure.elimination import eliminate, latest, leanest
 from flexid.identification.structure.gap import settled
 from flexid.identification.structure.sought_terms import SOUGHT_COEFFICIENTS
@@ -135,10 +136,8 @@ def choose_structure(
 def _until_stable(
     fitted: Fitted | None, structure: Structure, kept: Collection[str], thresholds: Thresholds
 ) -> tuple[Fitted | None, tuple[TermEvidence, ...]]:
-    """Remove terms and fit again until no term is removed; None if a fit fails.
-
-    A quadratic form is valid only near its fit, so each leaner fit is expanded again.
-    """
+    """Remove terms and fit again until no term is removed; None if a fit fails."""
+    # A quadratic form is valid only near its fit, so each leaner fit is expanded again.
     evidence: tuple[TermEvidence, ...] = ()
     while fitted is not None:
         leaner, own = eliminate(fitted, kept, thresholds)
@@ -168,11 +167,9 @@ def _rivals(
 
 
 def _without_negative_friction(fitted: Fitted, kept: Collection[str]) -> Fitted | None:
-    """Return a fit without the frictions that came out negative.
-
-    If the model leaves more than noise, the standard deviation hardly shows a friction's sign.
-    Returns None if there is no such friction, or if the fit fails.
-    """
+    """Return a fit without the frictions that came out negative."""
+    # If the model leaves more than noise, the standard deviation hardly shows a friction's sign.
+    # Returns None if there is no such friction, or if the fit fails.
     base = [name.partition("[")[0] for name in fitted.names]
     negative = {
         name
@@ -185,11 +182,9 @@ def _without_negative_friction(fitted: Fitted, kept: Collection[str]) -> Fitted 
 def _wider(
     best: Fitted, by_length: FitsByLength, thresholds: Thresholds
 ) -> tuple[Fitted, FitsByLength]:
-    """Return a fit with unusual terms too, and its lengths; unchanged if that fit fails.
-
-    If unusual terms explain most of the residuals beyond noise, the hold was chosen among fits that
-    did not explain the log. Then it is chosen again.
-    """
+    """Return a fit with unusual terms too, and its lengths; unchanged if that fit fails."""
+    # If unusual terms explain most of the residuals beyond noise, the hold was chosen among fits
+    # that did not explain the log. Then it is chosen again.
     joint = best.structure.joint
     shapes = joint.shapes - joint.remembered - SOUGHT_COEFFICIENTS
     if shapes & SATURATION and not shows_saturation(best.data):

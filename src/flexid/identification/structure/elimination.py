@@ -15,8 +15,9 @@ from scipy.special import fdtrc
 
 from flexid.arrays import FloatArray
 from flexid.estimators.normal_equations import least_with, scaled_inverse
+from flexid.estimators.prediction_error import ROUGH
 from flexid.identification.full_model.fitting import fit_like
-from flexid.identification.full_model.model import LINK, ROUGH, Fitted, Structure
+from flexid.identification.full_model.model import LINK, Fitted, Structure
 from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE
@@ -82,7 +83,8 @@ def leanest(
         return other
     saved = usual.minimum.equations.cost - unusual.minimum.equations.cost
     worth = thresholds.exchange_fall * (1 + len(unusual.names) - len(usual.names))
-    return other if saved > worth * _Quadratic.of(full).chance_fall else found
+    by_chance = float(np.median(_Quadratic.of(full).factors)) ** 2  # for one more coefficient
+    return other if saved > worth * by_chance else found
 
 
 def eliminate(
@@ -146,10 +148,8 @@ def eliminate(
 
 
 def _groups(fitted: Fitted, kept: Collection[str]) -> tuple[list[list[int]], list[bool]]:
-    """Return, for each name, the places of its term's coefficients and whether they may go.
-
-    If logs have their own values, a group has the coefficients of one log.
-    """
+    """Return, for each name, the places of its term's coefficients and whether they may go."""
+    # If logs have their own values, a group has the coefficients of one log.
     joint, delays = fitted.structure.joint, fitted.structure.timing.sought
     term_of = {c: term for term, coefficients in joint.terms.items() for c in coefficients}
     term_of |= {own: own for own in joint.nonlinear.values()}  # these follow their term untested
@@ -185,11 +185,6 @@ class _Quadratic:
             np.maximum(np.where(usable, factors, middle), 1.0),
             np.where(usable & (freedom > 0.0), freedom, 5.0),
         )
-
-    @property
-    def chance_fall(self) -> float:
-        """Mean fall of the sum of squares that chance gives for one more coefficient."""
-        return float(np.median(self.factors)) ** 2
 
     def chance(self, group: list[int], values: FloatArray, covariance: FloatArray) -> float:
         """Return the chance of values as large if all are zero; one if a value is free."""

@@ -138,11 +138,9 @@ def _with_width(fitted: Fitted, width: float) -> Fitted | None:
 
 
 def _no_worse(found: Fitted, fitted: Fitted) -> bool:
-    """Whether a fit explains more than another, or as much with a width nearer to its gap.
-
-    For a spring without play, the centre must be nearer to the torque-free deflection. Width and
-    gap are equal near the least sum of squares, not exactly at it.
-    """
+    """Whether a fit explains more than another, or as much with a width nearer to its gap."""
+    # For a spring without play, the centre must be nearer to the torque-free deflection. Width and
+    # gap are equal near the least sum of squares, not exactly at it.
     fall = fitted.minimum.equations.cost - found.minimum.equations.cost
     nearer = abs(_off_centre(found)) < _NEARER * abs(_off_centre(fitted))
     if half_gap(fitted) > 0.0:
@@ -315,7 +313,10 @@ def fit_with_play(
             best = found
     if not best:
         return None
-    last = _with_likelier_damping(as_wide_as_its_gap(best[-1]))
+    last = as_wide_as_its_gap(best[-1])
+    laws = [fit_like(law, last) for law in with_other_damping(last.structure)]
+    every = [last, *(as_wide_as_its_gap(other) for other in laws if other is not None)]
+    last = min(every, key=lambda own: own.excess)
     as_long = [f for f in by_length.found if f.duration <= last.duration] or by_length.found[:1]
     before = as_long[-1].excess
     if half_gap(last) <= 0.0 or before - last.excess < thresholds.shape_share * (before - floor):
@@ -324,13 +325,6 @@ def fit_with_play(
         return None
     found = [last, *by_length.longer(last, thresholds)]
     return by_length.with_term(found, thresholds)
-
-
-def _with_likelier_damping(fitted: Fitted) -> Fitted:
-    """Return the fit with play and the likelier law of the spring's damping."""
-    others = [fit_like(other, fitted) for other in with_other_damping(fitted.structure)]
-    every = [fitted, *(as_wide_as_its_gap(other) for other in others if other is not None)]
-    return min(every, key=lambda own: own.excess)
 
 
 class LikelyPlay(NamedTuple):
@@ -397,10 +391,8 @@ def _with_all_terms(structure: Structure) -> Structure:
 def _with_consistent_width(
     structure: Structure, data: Data, rate: float, centre: float
 ) -> tuple[Structure, dict[str, float], LeastSquaresFit]:
-    """Iterate least squares until the width of play equals its gap.
-
-    A nonzero centre is updated too. The iteration ends if there is no gap.
-    """
+    """Iterate least squares until the width of play equals its gap."""
+    # A nonzero centre is updated too. The iteration ends if there is no gap.
     own, tried = as_wide(structure, width_of(structure), centre), 0
     while True:
         start, fit = least_squares_start(_with_all_terms(own), data, rate)

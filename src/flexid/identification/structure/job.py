@@ -13,7 +13,6 @@ from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
     explains,
     fit_full_model,
-    fit_with_hysteresis,
     turning,
 )
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure, data_of
@@ -36,6 +35,7 @@ from flexid.identification.structure.shapes import (
     fit_with_shape,
 )
 from flexid.identification.structure.sought_terms import (
+    HYSTERETIC,
     PRESLIDING,
     SOUGHT,
     SOUGHT_COEFFICIENTS,
@@ -46,7 +46,6 @@ from flexid.identification.structure.validation import misprediction, validate
 from flexid.identification.vocabulary import Progress, silent
 from flexid.identification.vocabulary.evidence import Validation
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
-from flexid.models.flexible_joint import HYSTERESIS
 from flexid.recording.recording import Hold, Recording
 
 MEASURED_HOLD: Hold = "cubic"
@@ -192,10 +191,8 @@ def job_of(
 
 
 def _link_coefficients(joint: Joint) -> frozenset[str]:
-    """Return the coefficients of all terms in the link's row, which a clamped link does not show.
-
-    The spring's damping is among them. With a clamped link it acts like the motor's friction.
-    """
+    """Return the coefficients of terms in the link's row, which a clamped link does not show."""
+    # The spring's damping is among them. With a clamped link it acts like the motor's friction.
     link = joint.remembering.rows[0].regressors.keys()
     return frozenset(c for names in joint.terms.values() if link & {*names} for c in names)
 
@@ -214,25 +211,10 @@ def predicting(job: Job) -> tuple[Choice, Validation]:
     described without.
     """
     if not job.delay_in_doubt:
-        return _without_harmful_delay(job, _predicting(job))
+        return _predicting(job)
     found = _predicting(replace(job, left_out=job.left_out | {LINK}))
     impossible = doubtful(found[0].fitted.by_name) - job.kept
     return _predicting(replace(job, left_out=impossible)) if impossible else found
-
-
-def _without_harmful_delay(job: Job, found: tuple[Choice, Validation]) -> tuple[Choice, Validation]:
-    """Return `found`, or for a link alone the fit without delay if that predicts far better.
-
-    A late encoder acts like damping. Together they may fit an effect that no term describes, and
-    then drift away in a free run.
-    """
-    fitted, thresholds = found[0].fitted, job.thresholds
-    explained = fitted.excess <= thresholds.sensor_excess
-    if job.joint.kind != "link" or LINK not in fitted.structure.timing.sought or explained:
-        return found
-    other = _predicting(replace(job, left_out=job.left_out | {LINK}))
-    better = misprediction(other[1]) < misprediction(found[1]) - thresholds.generous_gain
-    return other if better else found
 
 
 def _predicting(job: Job) -> tuple[Choice, Validation]:
@@ -284,16 +266,14 @@ def _further_searches(
     choice: Choice, job: Job
 ) -> Iterator[Callable[[Choice], FitsByLength | None]]:
     """Yield searches for further terms, each a function of the choice so far."""
-    by_length, rest = choice.by_length, (job.progress, job.thresholds)
+    by_length = choice.by_length
     full = by_length.found[-1]
     before = turning(by_length.found, job.thresholds)
     if before is None and by_length.has_longer(full):  # which has failed, for want of a term
         before = full
     late = []
     if before is not None and before.unexplained_over(TURNING) <= job.thresholds.shape_motion:
-        if full.structure.absent >= HYSTERESIS:
-            yield lambda _: fit_with_hysteresis(by_length, before, *rest)
-        for shape in (shape for shape in SOUGHT if not shape.is_in(full)):
+        for shape in (shape for shape in (HYSTERETIC, *SOUGHT) if not shape.is_in(full)):
             search = partial(_with_shape, shape, by_length, before, job)
             if shape in (TRANSMISSION, PRESLIDING):  # play is more common
                 late.append(search)
@@ -313,10 +293,8 @@ def _with_shape(
 
 
 def _least_gain(rival: float, chosen: float, thresholds: Thresholds) -> float:
-    """Return the least fall of the held-out errors for a rival, from the excess of both.
-
-    It is zero if only the rival explains the log.
-    """
+    """Return the least fall of the held-out errors for a rival, from the excess of both."""
+    # It is zero if only the rival explains the log.
     explains = rival <= thresholds.sensor_excess < chosen
     return 0.0 if explains else thresholds.generous_gain
 

@@ -12,6 +12,7 @@ from operator import itemgetter
 import numpy as np
 
 from flexid.errors import ConvergenceError
+from flexid.estimators.prediction_error import ROUGH
 from flexid.estimators.samples import side_by_side
 from flexid.identification.full_model.fits_by_length import (
     FOLLOWED,
@@ -23,7 +24,7 @@ from flexid.identification.full_model.fits_by_length import (
     turning,
 )
 from flexid.identification.full_model.fitting import EXPLORING, fit_by_length, fit_from, fit_like
-from flexid.identification.full_model.model import ROUGH, Data, Fitted, Structure
+from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.vocabulary import Progress
 from flexid.identification.vocabulary.thresholds import Thresholds

@@ -23,6 +23,8 @@ from flexid.models.flexible_joint import (
     BEND_DEFLECTION,
     ERROR_NUMBER,
     HARDENING,
+    HYSTERESIS,
+    HYSTERESIS_GRIP,
     PRESLIDING_GRIP,
     RIPPLE_NUMBER,
     SHAPE_TERMS,
@@ -49,6 +51,8 @@ _VELOCITIES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.28, 2.56)
 _NEXT_VELOCITY = 0.8
 # Reaches of presliding over the range of the motor's motion.
 _REACHES = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
+# Grips of the spring's hysteresis over the one that suits the motion; difference to the next.
+_GRIPS, _NEXT_GRIP = (0.25, 0.5, 1.0, 2.0, 4.0), 0.2
 # Bends over the deflection's standard deviation, counted from its mean, which a preload shifts.
 _DEFLECTIONS, _NEXT_DEFLECTION = (0.0, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0), 0.4
 _LEAST_DEFLECTION = 0.2  # least bend, likewise: a smaller one looks like friction
@@ -182,10 +186,8 @@ def velocities(structure: Structure, data: Data) -> list[float]:
 
 
 def _lost_in_a_sample(fitted: Fitted) -> float:
-    """Return the change of velocity in rad/s by dry friction alone between two samples.
-
-    Friction with a smaller Stribeck velocity would change faster than the log was sampled.
-    """
+    """Return the change of velocity in rad/s by dry friction alone between two samples."""
+    # Friction with a smaller Stribeck velocity would change faster than the log was sampled.
     sample_time = max(samples.sample_time for samples in fitted.data.samples)
     return abs(fitted.by_name.get("alpha_coulomb", 0.0)) * sample_time
 
@@ -253,6 +255,24 @@ def deflections(structure: Structure, data: Data) -> list[float]:
     return sorted(deflection for deflection in tried if deflection >= _LEAST_DEFLECTION * usual)
 
 
+def spring_grips(structure: Structure, data: Data) -> list[float]:
+    """Return candidates of the grip of the spring's hysteresis in 1/rad, one over its reach."""
+    usual = structure.joint.first[HYSTERESIS_GRIP]
+    moves = _deflection(structure.joint, data)[1] > 0.0
+    return [share * usual for share in _GRIPS] if moves else []
+
+
+HYSTERETIC = SoughtShape(
+    "hysteresis of the spring",
+    HYSTERESIS,
+    HYSTERESIS_GRIP,
+    spring_grips,
+    lambda joint, _: _NEXT_GRIP * joint.first[HYSTERESIS_GRIP],
+    # a negative friction would mean a gap
+    is_possible=lambda fitted: all(fitted.by_name.get(name, 0.0) >= 0.0 for name in HYSTERESIS),
+)
+"""Hysteresis of the spring, and one over the deflection along which its friction reverses."""
+
 BEND = SoughtShape(
     "a spring that bends",
     frozenset(SHAPE_TERMS["bent_spring"].coefficients),
@@ -291,7 +311,10 @@ def reflected(values: Mapping[str, float]) -> dict[str, float]:
 
 
 SOUGHT = (STRIBECK, RIPPLE, BEND, TRANSMISSION, PRESLIDING)
-"""Terms that are tried automatically, each with a constant that is sought."""
+"""Terms with a constant that is sought, also where the settings require the term.
+
+A required hysteresis is fitted with the usual terms instead, from the grip that suits the motion.
+"""
 
 SOUGHT_COEFFICIENTS = frozenset(c for shape in SOUGHT for c in shape.coefficients)
 """Coefficients of the terms in `SOUGHT`."""
