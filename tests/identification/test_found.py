@@ -213,6 +213,16 @@ def test_presliding_is_found_among_disturbances():
     assert found.parameters["presliding_reach"].value == pytest.approx(0.02, rel=0.3)
 
 
+@pytest.mark.parametrize(("known", "contradicted"), [(0.005, False), (0.015, True)])
+def test_a_known_reach_is_compared_with_the_fit_that_it_leads_to(known, contradicted):
+    """Assert that the true reach is not contradicted by a wrong minimum, and a wrong one is."""
+    drive: dict[str, Any] = {**BRISTLES, "bristle_stiffness": 400.0}
+    settings = Settings(known={"presliding_reach": known})
+    found = identify([log(made(3, 8.0, **drive))], settings)
+    assert any("contradicts the log" in warning for warning in found.warnings) == contradicted
+    assert found.verdict == ("undetermined" if contradicted else "determined")
+
+
 def test_a_needed_term_is_not_lost_to_few_blocks():
     """Assert that friction stays whose value few blocks show; its test alone has no power."""
     drive: dict[str, Any] = {**DRY, **STRIBECK}
