@@ -245,6 +245,37 @@ def test_evidence_is_given_for_each_term():
     assert evidence["theta1"].value == pytest.approx(5.0, rel=0.01)
 
 
+@pytest.mark.parametrize("name", ["presliding_reach", "presliding_grip", "alpha_presliding"])
+@pytest.mark.parametrize(
+    ("asked", "verdict"),
+    [
+        ({}, "determined"),
+        ({"known": {"presliding_friction": 2.0}}, "undetermined"),
+        ({"bounds": {"presliding_grip": [1.0, 1e3]}}, "undetermined"),
+        ({"known": {"motor_inertia": 0.3}}, "determined"),
+        ({"terms": ["gravity", "motor_presliding"]}, "undetermined"),
+    ],
+)
+def test_an_unusual_term_counts_only_if_a_setting_asks_for_it(name, asked, verdict):
+    """Assert the verdict on a result in which a value of presliding is undetermined."""
+    found = identified_case("presliding")
+    kind = "parameters" if name in found.parameters else "coefficients"
+    values = getattr(found, kind)
+    settings = {**found.provenance["settings"], **asked}
+    changed: Any = {kind: {**values, name: values[name].unknown("for want of motion")}}
+    found = replace(found, **changed, provenance={"settings": settings})
+    assert found.verdict == verdict
+    assert found.supports(strict=True) == (verdict == "determined")
+
+
+def test_a_usual_term_counts_always():
+    """Assert the verdict on a result in which Coulomb friction is undetermined."""
+    found = identified_case("presliding")
+    name = "motor_coulomb_friction"
+    unknown = found.parameters[name].unknown("for want of motion")
+    assert replace(found, parameters={**found.parameters, name: unknown}).verdict == "undetermined"
+
+
 def test_option_of_the_same_name_repeats_the_choice():
     """Assert that every choice is recorded, and repeats the values if given as a setting."""
     found = identified_case("nothing more")
