@@ -280,6 +280,23 @@ def test_followed_candidates_lie_apart(monkeypatch, promises, followed):
     assert found == followed
 
 
+@pytest.mark.parametrize(
+    ("best", "followed"),
+    [(0.1, [0.1, 0.4]), (0.4, [0.4, 0.1]), (0.2, [0.2, 0.8])],
+)
+def test_followed_candidates_on_a_scale_lie_apart(monkeypatch, best, followed):
+    """Assert that constants on a scale are followed to either side of the best one."""
+    order = sorted((0.1, 0.2, 0.4, 0.8), key=lambda value: abs(np.log(value / best)))
+    known = dict(zip(order, (0.9, 0.8, 0.7, 0.6), strict=True))
+    shape = replace(BEND, candidates=lambda *_: [*known], least=lambda _: 0.0)
+    shape = replace(shape, resolution=lambda joint, _: 0.8 * joint.first[BEND.constant])
+    monkeypatch.setattr(shapes, "_promised", lambda _, own: known[shape.of(own)])
+    monkeypatch.setattr(shapes, "_near", lambda _s, _b, own, value: [(1.0, shape.put(own, value))])
+    before = over(4, 9.0)
+    found = [shape.of(own) for _, own in shapes._promising(shape, before, before.structure)]
+    assert found == followed
+
+
 def test_friction_that_rises_with_the_speed_is_no_stribeck_friction():
     """Assert that a negative Stribeck friction does not count as seen."""
     for size, seen in ((1.0, True), (-1.0, False)):

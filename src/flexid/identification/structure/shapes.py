@@ -288,9 +288,10 @@ def _promising(
     promising = sorted(zip(promises, constants, strict=True), key=itemgetter(0), reverse=True)
     followed: dict[float, float] = {}  # with the distance within which others lead to the same fit
     for _, value in promising:
-        if all(abs(value - other) > apart for other, apart in followed.items()):
-            joint = shape.put(structure, value).joint
-            followed[value] = _APART * shape.resolution(joint, before.data)
+        apart = _APART * shape.resolution(shape.put(structure, value).joint, before.data)
+        # Of constants on a scale, the smaller one says how far another fit is.
+        if all(abs(value - other) > min(apart, own) for other, own in followed.items()):
+            followed[value] = apart
             yield max(_near(shape, before, structure, value), key=itemgetter(0))
         if len(followed) == FOLLOWED:
             break
