@@ -213,6 +213,16 @@ def test_presliding_is_found_among_disturbances():
     assert found.parameters["presliding_reach"].value == pytest.approx(0.02, rel=0.3)
 
 
+@pytest.mark.parametrize(("known", "contradicted"), [(0.005, False), (0.015, True)])
+def test_a_known_reach_is_compared_with_the_fit_that_it_leads_to(known, contradicted):
+    """Assert that the true reach is not contradicted by a wrong minimum, and a wrong one is."""
+    drive: dict[str, Any] = {**BRISTLES, "bristle_stiffness": 400.0}
+    settings = Settings(known={"presliding_reach": known})
+    found = identify([log(made(3, 8.0, **drive))], settings)
+    assert any("contradicts the log" in warning for warning in found.warnings) == contradicted
+    assert found.verdict == ("undetermined" if contradicted else "determined")
+
+
 def test_a_needed_term_is_not_lost_to_few_blocks():
     """Assert that friction stays whose value few blocks show; its test alone has no power."""
     drive: dict[str, Any] = {**DRY, **STRIBECK}
@@ -233,6 +243,37 @@ def test_evidence_is_given_for_each_term():
     assert evidence["theta1"].kept
     assert evidence["theta1"].probability < 1e-6
     assert evidence["theta1"].value == pytest.approx(5.0, rel=0.01)
+
+
+@pytest.mark.parametrize("name", ["presliding_reach", "presliding_grip", "alpha_presliding"])
+@pytest.mark.parametrize(
+    ("asked", "verdict"),
+    [
+        ({}, "determined"),
+        ({"known": {"presliding_friction": 2.0}}, "undetermined"),
+        ({"bounds": {"presliding_grip": [1.0, 1e3]}}, "undetermined"),
+        ({"known": {"motor_inertia": 0.3}}, "determined"),
+        ({"terms": ["gravity", "motor_presliding"]}, "undetermined"),
+    ],
+)
+def test_an_unusual_term_counts_only_if_a_setting_asks_for_it(name, asked, verdict):
+    """Assert the verdict on a result in which a value of presliding is undetermined."""
+    found = identified_case("presliding")
+    kind = "parameters" if name in found.parameters else "coefficients"
+    values = getattr(found, kind)
+    settings = {**found.provenance["settings"], **asked}
+    changed: Any = {kind: {**values, name: values[name].unknown("for want of motion")}}
+    found = replace(found, **changed, provenance={"settings": settings})
+    assert found.verdict == verdict
+    assert found.supports(strict=True) == (verdict == "determined")
+
+
+def test_a_usual_term_counts_always():
+    """Assert the verdict on a result in which Coulomb friction is undetermined."""
+    found = identified_case("presliding")
+    name = "motor_coulomb_friction"
+    unknown = found.parameters[name].unknown("for want of motion")
+    assert replace(found, parameters={**found.parameters, name: unknown}).verdict == "undetermined"
 
 
 def test_option_of_the_same_name_repeats_the_choice():

@@ -24,7 +24,7 @@ from flexid.identification.vocabulary.evidence import (
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds, table
 from flexid.models.flexible_joint import PAPER_TERMS
-from flexid.models.physical import physical_parameters
+from flexid.models.physical import ZeroAngle, physical_parameters
 
 
 def verdict_on(half: float, value: float = 10.0, effect: float = np.inf) -> str:
@@ -222,6 +222,25 @@ def of(
     values: dict[str, float] = dict(zip(NAMES, TABLE_1.tolist(), strict=True))
     fit = Estimate(fitted, TABLE_1[: len(fitted)], covariance, freedom)
     return judged_function(own, values, fit)
+
+
+@pytest.mark.parametrize(
+    ("deviation", "verdict", "reason"),
+    [
+        (0.09, "determined", ""),
+        (0.11, "weak", "its interval reaches 0.22 rad to either side"),
+        (0.49, "weak", "its interval reaches 0.96 rad to either side"),
+        (0.52, "undetermined", "its interval reaches 1 rad to either side"),
+        (np.inf, "undetermined", "the log has no information on it"),
+    ],
+)
+def test_an_angle_is_judged_by_its_width(deviation, verdict, reason):
+    """Assert the verdict on an angle near zero, of a sine with amplitude 1."""
+    angle = ZeroAngle("ripple_angle", "rad", "sine", "cosine")
+    values = {"sine": 1.0, "cosine": 1e-3}
+    fit = Estimate(("cosine",), np.array([1e-3]), np.array([[deviation**2]]), (np.inf,))
+    found = judged_function(angle, values, fit)
+    assert (found.verdict, found.reason) == (verdict, reason)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_joint import PAPER, data, made
+from made_joint import COEFFICIENTS, PAPER, data, made, made_fit
 from scipy.optimize import minimize
 from scipy.stats import t
 
@@ -289,9 +289,9 @@ def log() -> Data:
 
 def said(log: Data, given: dict[str, float], **changed: float) -> tuple[str, ...]:
     """Return the contradictions between the log and exactly known values."""
-    return contradictions(
-        given, {}, replace(PAPER, fixed=given), log, replace(THRESHOLDS, **changed)
-    )
+    reported = made_fit(by_name=COEFFICIENTS, at_bound={}, data=log)
+    full = replace(PAPER, fixed=given)
+    return contradictions(given, reported, full, replace(THRESHOLDS, **changed))
 
 
 @pytest.mark.parametrize(

@@ -164,6 +164,35 @@ def test_faults_of_a_known_joint(golden: Any):
     golden({name: said(read_columns, columns) for name, columns in CASES.items()})
 
 
+@pytest.mark.parametrize(("jump", "told"), [(1, False), (2, False), (4, True)])
+def test_a_motor_that_friction_clamps_is_no_stuck_sensor(jump: int, told: bool):
+    """Assert that a few steps of the encoder are no jump after 60 equal samples."""
+    at, step = 1000, 360.0 / 2**18  # degrees, printed with five digits
+    fades = np.exp(-STEP * np.arange(COUNT) / 0.5) * 180.0 / np.pi / step
+    place = np.round(fades * CLEAN[MOTOR])
+    place[at : at + 60] = place[at]
+    place[at + 60 :] = place[at] + jump + np.minimum(np.arange(COUNT - at - 60) // 20, 9)
+    places = {"link": np.round(fades * CLEAN[LINK]), "motor": place}
+    read = {side: np.deg2rad(np.round(step * own, 5)) for side, own in places.items()}
+    found = read_columns(with_changes(**{side: lambda _, q=q: q for side, q in read.items()}))
+    assert any("as if the sensor was stuck" in warning for warning in found.warnings) == told
+
+
+@pytest.mark.parametrize(("swaps", "told"), [(False, False), (True, True)])
+def test_sides_that_swing_in_two_modes_follow_each_other(swaps: bool, told: bool):
+    """Assert that a release of one joint gives no warning, and sides of two joints do."""
+    moves = []
+    for stiffness in (100.0, 260.0):
+        law = np.array([[stiffness + 5.0, -stiffness], [-stiffness, stiffness + 30.0]])
+        squares, modes = np.linalg.eig(np.diag([1.0, 1.0 / 0.3]) @ law)
+        sizes = np.linalg.solve(modes, [0.2, -0.15])
+        moves.append(modes * sizes @ np.cos(np.sqrt(squares)[:, None] * STEP * np.arange(COUNT)))
+    link, motor = moves[0][0], moves[swaps][1]
+    assert abs(np.corrcoef(link, motor)[0, 1]) < 0.3
+    found = read_columns({"time [s]": CLEAN["time [s]"], LINK: link, MOTOR: motor})
+    assert any("hardly follow" in warning for warning in found.warnings) == told
+
+
 LATE = {25: "-0.05", -51: "0.102", 10: ""}  # by delay in samples
 BEGINNING = CLEAN[TORQUE] * (np.arange(COUNT) < 50)
 

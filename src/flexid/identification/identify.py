@@ -242,7 +242,7 @@ def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
         job.joint, estimate, given, job.stated, job.input_unit, thresholds
     )
     contradicted = (
-        *contradictions(job.stated.given, reported.at_bound, full, reported.data, thresholds),
+        *contradictions(job.stated.given, reported, full, thresholds),
         *joined.contradicted,
     )
     unknowns = reported.problem.unknowns

@@ -55,6 +55,18 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:.0f} %" if share < 10.0 else "far"
 
 
+def _angle_verdict(interval: tuple[float, float], thresholds: Thresholds) -> Judged:
+    """Judge an angle by its interval over 1 rad, since its value depends on the origin.
+
+    An error of 0.2 rad leaves a fifth of a sine.
+    """
+    judged, reason = verdict(1.0, interval, thresholds=thresholds)
+    half = 0.5 * (interval[1] - interval[0])
+    if reason and isfinite(half):
+        reason = f"its interval reaches {half:.2g} rad to either side"
+    return judged, reason
+
+
 def widest(estimates: Mapping[str, ValueEstimate], sizes: Mapping[str, float]) -> float:
     """Return the largest half-width over its value, or over its row's acceleration if less."""
 
@@ -108,6 +120,8 @@ def judged_function(
         ends = (logarithmic_interval if logarithmic else interval)(value, std, freedom)
         slopes = dict(zip(names, gradient.tolist(), strict=True))
     judged = verdict(value, ends, thresholds=thresholds)
+    if isinstance(function, ZeroAngle):
+        judged = _angle_verdict(ends, thresholds)
     name, unit = function.name, function.unit
     return ValueEstimate(name, unit, value, std, ends, *judged, freedom, logarithmic, slopes)
 

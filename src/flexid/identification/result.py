@@ -23,8 +23,9 @@ from flexid.identification.vocabulary.evidence import (
     Verdict,
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
-from flexid.models.flexible_joint import ANGLE_ORIGIN, PERIODIC_TERMS
+from flexid.models.flexible_joint import ANGLE_ORIGIN, PERIODIC_TERMS, SHAPE_TERMS
 from flexid.models.motion import JointType
+from flexid.models.physical import values_with
 from flexid.recording.recording import Caution, Hold, Log, Rank, Recording
 
 Estimator = Literal["prediction-error", "innovations", "least-squares"]
@@ -83,10 +84,22 @@ class Identification:
 
     @property
     def verdict(self) -> Verdict:
-        """The worst verdict on any parameter or coefficient."""
-        found = {e.verdict for e in (*self.parameters.values(), *self.coefficients.values())}
+        """The worst verdict on any value, except those of unusual terms that nobody asked for."""
+        every, unasked = (*self.parameters.values(), *self.coefficients.values()), self._unasked
+        found = {e.verdict for e in every if e.name.partition("[")[0] not in unasked}
         worst: tuple[Verdict, ...] = ("undetermined", "weak", "determined")
         return next(verdict for verdict in worst if verdict in found)
+
+    @property
+    def _unasked(self) -> frozenset[str]:
+        """Names of the values of unusual terms that no setting asked for."""
+        settings = self.provenance.get("settings", {})
+        if settings.get("terms", "auto") != "auto":
+            return frozenset()
+        asked = {*settings.get("known", ()), *settings.get("bounds", ())}
+        added = (SHAPE_TERMS[name] for name in self.choices.terms if name in SHAPE_TERMS)
+        values = (values_with(term.coefficients) for term in added)
+        return frozenset().union(*(names for names in values if names.isdisjoint(asked)))
 
     @property
     def given(self) -> frozenset[str]:
@@ -106,7 +119,7 @@ class Identification:
         return self.disturbances is not None or self.model_error.share > 0.0
 
     def supports(self, *, strict: bool = False) -> bool:
-        """Whether every value is determined or weak; if `strict`, whether all are determined."""
+        """Whether `verdict` is determined or weak; if `strict`, whether it is determined."""
         return self.verdict == "determined" or (self.verdict == "weak" and not strict)
 
 

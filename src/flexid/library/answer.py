@@ -201,6 +201,8 @@ class EstimateAnswer(Answer):
     def supports(self, *, strict: bool = False) -> bool:
         """Return whether the data determine every parameter, at least weakly.
 
+        Parameters of unusual terms count only if a setting asks for the term.
+
         Parameters
         ----------
         strict : bool, optional

@@ -215,6 +215,13 @@ PARAMETER_NAMES = tuple(dict.fromkeys(p.name for table in _TABLES.values() for p
 """Names of all physical parameters, for every kind of joint and input."""
 
 
+def values_with(coefficients: Collection[str]) -> frozenset[str]:
+    """Return the names of coefficients, and of the parameters of any joint that need one."""
+    every = (p for table in _TABLES.values() for p in table)
+    needing = {p.name for p in every if not {*coefficients}.isdisjoint(p.coefficients)}
+    return frozenset({*coefficients, *needing})
+
+
 def physical_parameters(
     coefficients: Collection[str],
     input_is_torque: bool,

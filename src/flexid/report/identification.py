@@ -246,17 +246,19 @@ def answers(result: Identification) -> tuple[Answer, Answer]:
     """Return whether the parameters can be trusted, and the next step."""
     lacking = [e for e in result.parameters.values() if e.verdict != "determined"]
     lacking = lacking or [e for e in result.coefficients.values() if e.verdict != "determined"]
-    trust = Answer("Can I trust the values?", *_judged(result), [*_grounds(result, lacking)])
+    trust = Answer(
+        "Can I trust the values?", *_judged(result, lacking), [*_grounds(result, lacking)]
+    )
     return trust, _next_step(result, lacking)
 
 
-def _judged(result: Identification) -> tuple[str, Tone]:
+def _judged(result: Identification, lacking: Sequence[ValueEstimate]) -> tuple[str, Tone]:
     if result.verdict == "undetermined":
         usable = any(p.verdict != "undetermined" for p in result.parameters.values())
         return ("Not all of them" if usable else "No"), "bad"
     if any(fit < 0.0 for fit in result.validation.fit_percent.values()):  # worse than the mean
         return "With care, and not for long predictions", "bad"
-    if result.verdict == "weak" or result.warnings:
+    if lacking or result.warnings:
         return "With care", "fair"
     return "Yes", "good"
 

@@ -1,13 +1,14 @@
 """Prior knowledge compared with the log and joined to the estimate."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from flexid.errors import ConvergenceError
 from flexid.identification.full_model.fitting import fit_by_length, lengths
-from flexid.identification.full_model.model import Data, Structure
+from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.full_model.starting import starts
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.preparation.stated import Known, Stated, contradiction_warning, informed
@@ -21,22 +22,17 @@ _LEAST = 0.01  # least relative difference of a contradiction
 
 
 def contradictions(
-    given: Mapping[str, float],
-    at_bound: Mapping[str, float],
-    full: Structure,
-    data: Data,
-    thresholds: Thresholds,
+    given: Mapping[str, float], reported: Fitted, full: Structure, thresholds: Thresholds
 ) -> tuple[str, ...]:
     """Return a sentence for each coefficient, known or at its bound, that the log contradicts."""
+    at_bound = reported.at_bound.items()
     wanted = [Known(name, value, 0.0) for name, value in given.items()]
-    wanted += [Known(name, value, 0.0, bound=True) for name, value in at_bound.items() if value]
+    wanted += [Known(name, value, 0.0, bound=True) for name, value in at_bound if value]
     if not wanted:
         return ()
-    free = replace(full, fixed={}, bounds={})
-    try:
-        divisions = lengths(data, _DURATION)
-        found = fit_by_length(free, data, next(starts(free, data, divisions[0])), divisions)[-1]
-    except ConvergenceError:
+    known = {**reported.by_name, **given}
+    found = _freed(replace(full, fixed={}, bounds={}), reported.data, known)
+    if found is None:
         return ()
     fit = found.fit
     sentences = []
@@ -49,6 +45,20 @@ def contradictions(
         if np.isfinite(std) and apart > least:
             sentences.append(_sentence(known, value, std))
     return tuple(sentences)
+
+
+def _freed(free: Structure, data: Data, known: Mapping[str, float]) -> Fitted | None:
+    """Return the fit of a structure without known values; None if it fails.
+
+    It starts from least squares and from the known values. From least squares alone, the path of a
+    term with memory may end in a wrong minimum.
+    """
+    divisions = lengths(data, _DURATION)
+    ends: list[Fitted] = []
+    for begin in (lambda: next(starts(free, data, divisions[0])), lambda: known):
+        with suppress(ConvergenceError):
+            ends.append(fit_by_length(free, data, begin(), divisions)[-1])
+    return min(ends, key=lambda end: (len(end.problem.segments), end.excess), default=None)
 
 
 def _sentence(known: Known, value: float, std: float) -> str:

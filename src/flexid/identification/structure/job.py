@@ -31,7 +31,7 @@ from flexid.identification.structure.gap import (
 from flexid.identification.structure.link_delay import CONFUSED, doubtful
 from flexid.identification.structure.shapes import (
     SoughtShape,
-    fit_requested_shape,
+    fit_requested_shapes,
     fit_with_shape,
 )
 from flexid.identification.structure.sought_terms import (
@@ -109,10 +109,8 @@ class Job:
         durations = () if duration == "auto" else (duration,)
         own, rest = (self.structure, self.training), (self.progress, self.thresholds)
         by_length = fit_full_model(*own, self.holds, durations, *rest, exact=self.exact)
-        for shape in SOUGHT:
-            if not shape.coefficients.isdisjoint(self.kept):
-                by_length = fit_requested_shape(shape, by_length, *rest)
-        return by_length
+        asked = (shape for shape in SOUGHT if not shape.coefficients.isdisjoint(self.kept))
+        return fit_requested_shapes(asked, by_length, *rest)
 
     @cached_property
     def structure(self) -> Structure:

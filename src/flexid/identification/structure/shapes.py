@@ -23,7 +23,13 @@ from flexid.identification.full_model.fits_by_length import (
     sampled,
     turning,
 )
-from flexid.identification.full_model.fitting import EXPLORING, fit_by_length, fit_from, fit_like
+from flexid.identification.full_model.fitting import (
+    EXPLORING,
+    ON_THE_WAY,
+    fit_by_length,
+    fit_from,
+    fit_like,
+)
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.vocabulary import Progress
@@ -185,37 +191,88 @@ def _explaining(
                 break
 
 
-def fit_requested_shape(
-    shape: SoughtShape, by_length: FitsByLength, progress: Progress, thresholds: Thresholds
+def fit_requested_shapes(
+    shapes: Iterable[SoughtShape],
+    by_length: FitsByLength,
+    progress: Progress,
+    thresholds: Thresholds,
 ) -> FitsByLength:
-    """Fit a joint with one more term that the settings require.
+    """Fit a joint with further terms that the settings require.
 
-    The first fit has the constant fixed, and must succeed. If the log hardly shows the term, it
-    stays fixed: outside the range of the motion it would leave the coefficients undetermined.
+    The term that explains the most comes first, since only then the log shows the constants of the
+    others. With all of them the laws are compared again.
     """
-    progress(shape.words)
-    before = turning(by_length.found, thresholds) or by_length.found[-1]
-    firsts: list[Fitted] = []
-    for wider in shape.extensions(by_length.found[-1].structure, shape.in_place_of):
-        promising = [*_promising(shape, before, wider)]
-        if not promising:
+    left, done = [*shapes], []
+    while left:
+        firsts: list[tuple[float, Fitted, SoughtShape]] = []
+        for shape in left:
+            progress(shape.words)
+            tried = _requested(shape, by_length, thresholds)
+            firsts += [(share, first, shape) for share, first in tried]
+        if not firsts:
             raise ConvergenceError(
-                "prediction error",
-                f"the motion is too small for {shape.words}: log more motion or drop the term",
+                "prediction error", f"the fit with {left[0].words} fails: drop the term"
             )
-        promise, structure = max(promising, key=itemgetter(0))
-        data, segments = before.data, [before.problem.segments]
-        with suppress(ConvergenceError):
-            held = fit_by_length(shape.held_in(structure), data, before.by_name, segments)
-            firsts += held
-            if promise >= thresholds.shape_promise:
-                firsts += fit_by_length(structure, data, held[0].by_name, segments)
-    if not firsts:
+        _, first, shape = min(firsts, key=itemgetter(0))
+        by_length = _with_best_law(shape, first, by_length, thresholds)
+        left.remove(shape)
+        done.append(shape)
+    for shape in done[:-1]:
+        before = by_length.found[-1]
+        likelier = _with_likelier_law(shape, before, thresholds)
+        if likelier is not before:
+            found = [likelier, *by_length.longer(likelier, thresholds)]
+            by_length = by_length.with_term(found, thresholds)
+    return by_length
+
+
+def _requested(
+    shape: SoughtShape, by_length: FitsByLength, thresholds: Thresholds
+) -> list[tuple[float, Fitted]]:
+    """Return fits with a required term, each with the share of the residuals that it leaves.
+
+    If the constant stays fixed though the log shows it, shorter segments are tried.
+    """
+    usual = turning(by_length.found, thresholds) or by_length.found[-1]
+    shorter = [each for each in by_length.found if each.duration < usual.duration]
+    wider = [*shape.extensions(by_length.found[-1].structure, shape.in_place_of)]
+    found: list[tuple[float, Fitted]] = []
+    for before in (usual, *reversed(shorter)):
+        tried = [_from_constants(shape, before, own, thresholds) for own in wider]
+        cost = before.minimum.equations.cost
+        found += [(fit.minimum.equations.cost / cost, fit) for fits, _ in tried for fit in fits]
+        if any(final for _, final in tried):
+            break
+    return found
+
+
+def _from_constants(
+    shape: SoughtShape, before: Fitted, wider: Structure, thresholds: Thresholds
+) -> tuple[list[Fitted], bool]:
+    """Return fits with a required term from its most promising constants, and if they are final.
+
+    The first fit of each has the constant fixed. If the log hardly shows the term, it stays fixed:
+    outside the range of the motion it would leave the coefficients undetermined.
+    """
+    promising = sorted(_promising(shape, before, wider), key=itemgetter(0), reverse=True)
+    if not promising:
         raise ConvergenceError(
-            "prediction error", f"the fit with {shape.words} fails: drop the term"
+            "prediction error",
+            f"the motion is too small for {shape.words}: log more motion or drop the term",
         )
-    first = min(firsts, key=lambda first: first.minimum.equations.cost)
-    return _with_best_law(shape, first, by_length, thresholds)
+    shown = [structure for promise, structure in promising if promise >= thresholds.shape_promise]
+    data, segments = before.data, [before.problem.segments]
+    held: list[Fitted] = []
+    freed: list[Fitted] = []
+    for structure in shown or [promising[0][1]]:
+        steps = EXPLORING if shown else ON_THE_WAY
+        with suppress(ConvergenceError):
+            start = before.by_name
+            held += fit_by_length(shape.held_in(structure), data, start, segments, steps=steps)
+            if shown:
+                freed += fit_by_length(structure, data, held[-1].by_name, segments)
+    converged = [fit for fit in held if fit.converged]
+    return [*converged, *freed], bool(freed or (converged and not shown))
 
 
 def _promising(
@@ -232,9 +289,10 @@ def _promising(
     promising = sorted(zip(promises, constants, strict=True), key=itemgetter(0), reverse=True)
     followed: dict[float, float] = {}  # with the distance within which others lead to the same fit
     for _, value in promising:
-        if all(abs(value - other) > apart for other, apart in followed.items()):
-            joint = shape.put(structure, value).joint
-            followed[value] = _APART * shape.resolution(joint, before.data)
+        apart = _APART * shape.resolution(shape.put(structure, value).joint, before.data)
+        # Of constants on a scale, the smaller one says how far another fit is.
+        if all(abs(value - other) > min(apart, own) for other, own in followed.items()):
+            followed[value] = apart
             yield max(_near(shape, before, structure, value), key=itemgetter(0))
         if len(followed) == FOLLOWED:
             break

@@ -45,12 +45,12 @@ _FEWEST = 1.0  # least periods in the range of motion; fewer are any slow functi
 _FINER = 8  # zero-padding of a spectrum
 _BINS = 8  # position bins in a period of the largest number
 _MOST_BINS = 2**18  # of a spectrum
-# Stribeck velocities over the motor's root mean square velocity; difference to the next clearly
-# distinguishable one, over the velocity itself.
+# Stribeck velocities over the motor's root mean square velocity.
 _VELOCITIES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.28, 2.56)
-_NEXT_VELOCITY = 0.8
 # Reaches of presliding over the range of the motor's motion.
 _REACHES = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
+# Difference of a velocity or a grip to the next clearly distinguishable one, over itself.
+_NEXT_ON_SCALE = 0.8
 # Grips of the spring's hysteresis over the one that suits the motion; difference to the next.
 _GRIPS, _NEXT_GRIP = (0.25, 0.5, 1.0, 2.0, 4.0), 0.2
 # Bends over the deflection's standard deviation, counted from its mean, which a preload shifts.
@@ -175,7 +175,7 @@ arm without a gear seemed to have 4.7 periods per turn.
 
 def _apart_in_velocity(joint: Joint, _: Data) -> float:
     """Return the resolution of Stribeck velocities in rad/s, proportional to the velocity."""
-    return _NEXT_VELOCITY * joint.first[STRIBECK_VELOCITY]
+    return _NEXT_ON_SCALE * joint.first[STRIBECK_VELOCITY]
 
 
 def velocities(structure: Structure, data: Data) -> list[float]:
@@ -227,7 +227,7 @@ PRESLIDING = SoughtShape(
     frozenset(SHAPE_TERMS["motor_presliding"].coefficients),
     PRESLIDING_GRIP,
     grips,
-    lambda joint, _: joint.first[PRESLIDING_GRIP],
+    lambda joint, _: _NEXT_ON_SCALE * joint.first[PRESLIDING_GRIP],
     in_place_of=STRIBECK.coefficients,
     is_possible=_is_resolved,
 )
