@@ -83,7 +83,7 @@ def disturbed_estimate(
 def _by_input_noise(found: Disturbed, logged: Data) -> FloatArray:
     """Return the likely error of each value, shape (k,), by noise of the input's sensor."""
     none = np.zeros(len(found.fitted.names))
-    if found.input.left == 0.0:
+    if found.input.left == 0.0 or not found.fitted.converged:
         return none
     other = _refit(found, found.input.other_of(logged), found.factor)
     return none if other is None else found.input.left * (other.values - found.fitted.values)
