@@ -24,14 +24,14 @@ SPRINGS = ("theta2", "alpha1")
 
 
 def doubted(
-    unit: str = "N m", delay: float = DELAY, apart: float = 0.0, **more: Any
+    unit: str = "N m", delay: float = DELAY, apart: float = 0.0, step: float = 1e-4, **more: Any
 ) -> doubts.Doubted:
     """Return a fit with a delayed input; 10 % (link) and 20 % (motor) are unexplained."""
     values = np.array([*VALUES.values(), delay])
     fitted = SimpleNamespace(
         names=NAMES,
         values=values,
-        data=SimpleNamespace(scales_apart=apart),
+        data=SimpleNamespace(scales_apart=apart, recordings=(SimpleNamespace(sample_time=step),)),
         structure=SimpleNamespace(
             timing=Timing("zero", sought=(INPUT,)),
             joint=SimpleNamespace(nonlinear={"alpha_stribeck": "stribeck_velocity"}),
@@ -66,9 +66,11 @@ CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     # Different scales of the encoders act like gravity.
     (doubts.scales_apart, {"apart": 0.02}, {**dict.fromkeys(NAMES, 0.02), "theta1": 0.02 * 21.0}),
     (doubts.scales_apart, {}, {}),
-    # A torque has neither coil nor amplifier, and a coil only delays.
+    # A torque has neither coil nor amplifier. A coil's lag is at least half a sample, at most 2 ms.
     (doubts.coil_lag, {}, {}),
-    (doubts.coil_lag, EARLY, {}),
+    (doubts.coil_lag, EARLY, dict.fromkeys(MOTOR, 20.0 * 5e-5 / 3.0**0.5)),
+    (doubts.coil_lag, {**EARLY, "step": 2e-3}, dict.fromkeys(MOTOR, 20.0 * 1e-3 / 3.0**0.5)),
+    (doubts.coil_lag, {**EARLY, "step": 5e-3}, dict.fromkeys(MOTOR, 20.0 * 2e-3 / 3.0**0.5)),
     (doubts.dead_zone, {}, {}),
     # Uniform between zero and the full effect of play on a spring.
     (doubts.play, {"by_play": 0.3}, dict.fromkeys(SPRINGS, 0.3 / np.sqrt(3.0))),

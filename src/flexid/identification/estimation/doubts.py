@@ -138,13 +138,15 @@ def gauge_scale(doubted: Doubted) -> FloatArray:
 def coil_lag(doubted: Doubted) -> FloatArray:
     """Return errors of the motor if a voltage's delay is a lag of the coil, without back-EMF.
 
-    The lag is uniformly distributed between zero and the whole delay.
+    The lag is uniformly distributed between zero and the whole delay, or half a sample if that is
+    longer, since the channels may be sampled that far apart.
     """
     if doubted.input_unit != "V":
         return doubted.none
     values, timing = doubted.fitted.by_name, doubted.fitted.structure.timing
     delay = values.get(INPUT, timing.delays.get(INPUT, 0.0))
-    coil = float(np.clip(delay, 0.0, _LONGEST_COIL))
+    least = 0.5 * max(recording.sample_time for recording in doubted.fitted.data.recordings)
+    coil = min(max(delay, least), _LONGEST_COIL)
     return coil_error(doubted.fitted, coil)[:, None]
 
 
