@@ -113,11 +113,13 @@ def pushed(
     link_push: float = 0.0,
     motor_push: float = 0.0,
     chatter: float = 0.0,
+    load: float = 0.0,
     **more: float,
 ) -> Recording:
     """Return a disturbed drive (RMS pushes in rad/s²), sampled at 500 Hz / `every`.
 
     `chatter` is the standard deviation of white noise in N m that a controller adds to the torque.
+    A constant `load` in N m on the link is overcome by 2.5 times as much torque.
     """
     rng = np.random.default_rng(seed)
     times = _FINE_STEP * np.arange(round(duration / _FINE_STEP))
@@ -131,6 +133,8 @@ def pushed(
     for i in range(1, len(times)):
         pushes[i] = keep * pushes[i - 1] + shocks[i]
     pushes *= [link_push, _INERTIA * motor_push]
+    torque += 2.5 * load
+    pushes[:, 0] -= load
     pushes[:, 1] += torque
     plant = Plant(1.0, _INERTIA, 150.0, motor_viscous=0.9, **more)
     # Contiguous arrays, since another layout is another kernel.

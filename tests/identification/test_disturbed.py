@@ -507,6 +507,23 @@ def test_what_a_balance_cannot_do_without_stays(
     assert ("alpha_coulomb" in found.names) == stays
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_offsets_stay_where_the_motion_is_one_way(seed: int):
+    """Assert the motor's balance of a loaded drive that turns one way, with shifted encoders.
+
+    Neither offset nor dry friction is significant, as each could replace the other.
+    """
+    recorded = pushed(seed, size=0.3, link_push=1.0, load=3.0)
+    recorded = seen(recorded, np.zeros(len(recorded)), np.full(len(recorded), 0.4))
+    terms = ("motor_viscous", "motor_coulomb", "link_coulomb", "link_offset", "motor_offset")
+    given = structure(*terms), data(recorded), (), ("cubic",), THRESHOLDS
+    found = fit_disturbed(*given, with_shapes=False).fitted.by_name
+    for name in ("alpha1", "beta1"):
+        assert found[name] == pytest.approx(PUSHED[name], rel=0.01)
+    assert found["theta2"] == pytest.approx(PUSHED["theta2"], rel=0.05)
+    assert {"theta_offset", "theta_coulomb"} & found.keys()
+
+
 def test_a_term_without_which_the_motion_runs_away_stays(monkeypatch: pytest.MonkeyPatch):
     """Assert that the fuller fit is kept if the leaner one diverges."""
     nth_fit(monkeypatch, {2}, diverging)

@@ -9,8 +9,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain, islice
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.samples import side_by_side
@@ -46,9 +48,10 @@ from flexid.models.flexible_joint import DISSIPATIVE, HARDENING, flexible_joint
 from flexid.recording.recording import Hold
 
 _ROUNDS = 3  # of removing terms
-# Largest ratio of unexplained shares after and before terms are removed. It was up to 1.2 for 15
+# Largest ratio of an unexplained share after and before terms are removed. It was up to 1.2 for 15
 # logs, and 2.1 and 4.5 for two short logs that had lost a friction or the spring.
 _CLEARLY_MORE = 1.5
+_SMALL_SHARE = 0.02  # unexplained share below which a balance is as good as explained
 # Unexplained share of a balance above which the fit of all terms may be in a wrong minimum. On 6 of
 # 17 logs of unusual rigs, a start from few terms led to a likelier fit.
 _WRONG_MINIMUM = 0.5
@@ -184,14 +187,43 @@ def _with_shown_terms(
     for chance in (thresholds.term_chance, thresholds.generous_chance):
         asked = replace(thresholds, friction_sign=np.inf, term_chance=chance)
         for _ in range(_ROUNDS):
-            # Every drive has friction. Without it, disturbances and inertias take its place.
-            leaner, own = eliminate(best.fitted, kept, asked, likely=DISSIPATIVE)
-            other = _leaner(leaner, best, data, factor)
-            if other is None:
-                evidence = latest(evidence, [replace(term, kept=True) for term in own])
+            found = _without_hidden_terms(best, kept, asked, data, factor)
+            evidence = latest(evidence, found.evidence)
+            if found.fit is best:
                 break
-            best, evidence = other, latest(evidence, own)
+            best = found.fit
     return best, evidence
+
+
+class _Eliminated(NamedTuple):
+    """Fit after an elimination, and the evidence on each term."""
+
+    fit: FitInBand
+    evidence: Sequence[TermEvidence]
+
+
+def _without_hidden_terms(
+    best: FitInBand, kept: Collection[str], asked: Thresholds, data: Data, factor: int
+) -> _Eliminated:
+    """Return the fit without the terms that the log does not show; `best` if all are needed."""
+    # The log shows terms of an undetermined direction together, such as an offset and the dry
+    # friction of a side that turns one way. They may be needed although it shows none of them.
+    together = {name for name, free in zip(best.fitted.names, _free(best), strict=True) if free}
+    own: Sequence[TermEvidence] = ()
+    for stay in ({*kept}, {*kept} | together):
+        # Every drive has friction. Without it, disturbances and inertias take its place.
+        leaner, own = eliminate(best.fitted, stay, asked, likely=DISSIPATIVE)
+        other = _leaner(leaner, best, data, factor)
+        if other is not None:
+            return _Eliminated(other, own)
+        if not together:
+            break
+    return _Eliminated(best, [replace(term, kept=True) for term in own])
+
+
+def _free(fit: FitInBand) -> NDArray[np.bool_]:
+    """Return a mask of values with a component in an undetermined direction."""
+    return fit.fitted.minimum.reduced.free
 
 
 def _leaner(leaner: Structure, best: FitInBand, data: Data, factor: int) -> FitInBand | None:
@@ -208,7 +240,8 @@ def _leaner(leaner: Structure, best: FitInBand, data: Data, factor: int) -> FitI
 
 def _is_known(fit: FitInBand) -> bool:
     """Whether the fit converged, and a short log has enough blocks for all terms."""
-    return fit.fitted.converged and bool(np.isfinite(fit.fitted.fit.deviations).all())
+    known = np.isfinite(fit.fitted.fit.deviations) | _free(fit)
+    return fit.fitted.converged and bool(known.all())
 
 
 def _leaves_more(leaner: FitInBand, fuller: FitInBand) -> bool:
@@ -216,10 +249,12 @@ def _leaves_more(leaner: FitInBand, fuller: FitInBand) -> bool:
     # Both are required. A fit may be in a wrong minimum whose sizes explain all motion as noise.
     before, after = (
         # If no sizes fit the residuals, innovations are larger than the sizes predict.
-        sum(shares_of(f.fitted, f.sizes).values()) * f.fitted.excess**0.5
+        {side: share * f.fitted.excess**0.5 for side, share in shares_of(f.fitted, f.sizes).items()}
         for f in (fuller, leaner)
     )
-    return leaner.cost > fuller.cost and after > _CLEARLY_MORE * before
+    # The balances count one by one: one that is unexplained anyway would hide the other.
+    left = (after[side] > _CLEARLY_MORE * max(before[side], _SMALL_SHARE) for side in before)
+    return leaner.cost > fuller.cost and any(left)
 
 
 def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
