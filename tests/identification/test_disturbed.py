@@ -516,8 +516,8 @@ def test_offsets_stay_where_the_motion_is_one_way(seed: int):
     recorded = pushed(seed, size=0.3, link_push=1.0, load=3.0)
     recorded = seen(recorded, np.zeros(len(recorded)), np.full(len(recorded), 0.4))
     terms = ("motor_viscous", "motor_coulomb", "link_coulomb", "link_offset", "motor_offset")
-    given = structure(*terms), data(recorded), (), ("cubic",), THRESHOLDS
-    found = fit_disturbed(*given, with_shapes=False).fitted.by_name
+    given = structure(*terms), data(recorded), ()
+    found = fit_disturbed(*given, ("cubic",), THRESHOLDS, with_shapes=False).fitted.by_name
     for name in ("alpha1", "beta1"):
         assert found[name] == pytest.approx(PUSHED[name], rel=0.01)
     assert found["theta2"] == pytest.approx(PUSHED["theta2"], rel=0.05)

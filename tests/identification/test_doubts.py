@@ -68,9 +68,9 @@ CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     (doubts.scales_apart, {}, {}),
     # A torque has neither coil nor amplifier. A coil's lag is at least half a sample, at most 2 ms.
     (doubts.coil_lag, {}, {}),
-    (doubts.coil_lag, EARLY, dict.fromkeys(MOTOR, 20.0 * 5e-5 / 3.0**0.5)),
-    (doubts.coil_lag, {**EARLY, "step": 2e-3}, dict.fromkeys(MOTOR, 20.0 * 1e-3 / 3.0**0.5)),
-    (doubts.coil_lag, {**EARLY, "step": 5e-3}, dict.fromkeys(MOTOR, 20.0 * 2e-3 / 3.0**0.5)),
+    (doubts.coil_lag, EARLY, dict.fromkeys(MOTOR, 20.0 * 5e-5 / np.sqrt(3.0))),
+    (doubts.coil_lag, {**EARLY, "step": 2e-3}, dict.fromkeys(MOTOR, 20.0 * 1e-3 / np.sqrt(3.0))),
+    (doubts.coil_lag, {**EARLY, "step": 5e-3}, dict.fromkeys(MOTOR, 20.0 * 2e-3 / np.sqrt(3.0))),
     (doubts.dead_zone, {}, {}),
     # Uniform between zero and the full effect of play on a spring.
     (doubts.play, {"by_play": 0.3}, dict.fromkeys(SPRINGS, 0.3 / np.sqrt(3.0))),
