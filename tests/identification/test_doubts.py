@@ -21,6 +21,7 @@ DELAY = 5e-4  # s
 NAMES = (*VALUES, INPUT)
 LINK, MOTOR = ("theta1", "theta2"), ("alpha1", "alpha2", "beta1")
 SPRINGS = ("theta2", "alpha1")
+ROOT = float(np.sqrt(3.0))
 
 
 def doubted(
@@ -68,12 +69,12 @@ CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     (doubts.scales_apart, {}, {}),
     # A torque has neither coil nor amplifier. A coil's lag is at least half a sample, at most 2 ms.
     (doubts.coil_lag, {}, {}),
-    (doubts.coil_lag, EARLY, dict.fromkeys(MOTOR, 20.0 * 5e-5 / np.sqrt(3.0))),
-    (doubts.coil_lag, {**EARLY, "step": 2e-3}, dict.fromkeys(MOTOR, 20.0 * 1e-3 / np.sqrt(3.0))),
-    (doubts.coil_lag, {**EARLY, "step": 5e-3}, dict.fromkeys(MOTOR, 20.0 * 2e-3 / np.sqrt(3.0))),
+    (doubts.coil_lag, EARLY, dict.fromkeys(MOTOR, 20.0 * 5e-5 / ROOT)),
+    (doubts.coil_lag, {**EARLY, "step": 2e-3}, dict.fromkeys(MOTOR, 20.0 * 1e-3 / ROOT)),
+    (doubts.coil_lag, {**EARLY, "step": 5e-3}, dict.fromkeys(MOTOR, 20.0 * 2e-3 / ROOT)),
     (doubts.dead_zone, {}, {}),
     # Uniform between zero and the full effect of play on a spring.
-    (doubts.play, {"by_play": 0.3}, dict.fromkeys(SPRINGS, 0.3 / np.sqrt(3.0))),
+    (doubts.play, {"by_play": 0.3}, dict.fromkeys(SPRINGS, 0.3 / ROOT)),
     (doubts.play, {}, {}),
     (doubts.another_law, {}, {}),
     (doubts.noise_of_the_input, {"by_noise": NOISE}, {"alpha1": 0.1, "beta1": 0.1}),
