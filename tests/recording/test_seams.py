@@ -8,6 +8,8 @@ from joint_log import joint_columns, read_columns, without
 
 from flexid.arrays import FloatArray
 from flexid.recording import Log
+from flexid.recording.frame import table_of_arrays
+from flexid.recording.read import logs_of_joints
 
 STEP = 0.004  # s
 COUNT = 1500  # samples of each log
@@ -52,6 +54,17 @@ def test_a_deflection_may_go_on_at_a_seam():
     deflection = WHOLE["link_position"] - WHOLE["motor_position"]
     log = read_columns(without(found, "link") | {"deflection": deflection})
     assert [len(one) for one in log.recordings] == [COUNT, COUNT]
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_seam_of_one_joint_cuts_the_logs_of_all(which: int):
+    """Assert that an arm is cut where one joint jumps, though another began where it ended."""
+    seams = [0.12 * (joint == which) for joint in range(2)]
+    logs = logs_of_joints([(table_of_arrays(joined(seam)), None) for seam in seams])
+    for log in logs:
+        assert [len(one) for one in log.recordings] == [COUNT, COUNT]
+    assert about_jumps(logs[which])
+    assert not about_jumps(logs[1 - which])
 
 
 def test_a_gap_at_the_seam_is_named_once():
