@@ -7,7 +7,7 @@ import pytest
 from joint_log import joint_columns, read_columns, said, without
 
 from flexid.arrays import FloatArray
-from flexid.recording.outliers import _local_inflation, all_times, even_times, lost_samples
+from flexid.recording.lost_samples import _local_inflation, all_times, even_times, lost_samples
 
 STEP = 0.01
 

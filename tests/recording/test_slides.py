@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from joint_log import read_columns, said
 
-from flexid.recording.read import without_wraps
+from flexid.recording.jumps import without_wraps
 from flexid.streaming.guard import Guard
 from flexid.streaming.options import WatchOptions
 

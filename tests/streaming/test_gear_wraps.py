@@ -5,7 +5,7 @@ import pytest
 from moving_joint import counted
 
 from flexid.arrays import FloatArray
-from flexid.recording.read import without_wraps
+from flexid.recording.jumps import without_wraps
 from flexid.streaming.guard import Guard
 from flexid.streaming.options import WatchOptions
 

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.models.motion import JointType
 from flexid.readers.formats import format_of
 from flexid.recording import checks
 from flexid.recording.columns import read_channels
+from flexid.recording.jumps import align, find_seams, unwrap
 from flexid.recording.outliers import mend
 from flexid.recording.recipes import MapSource
 from flexid.recording.recording import ENCODERS, INPUTS, VELOCITIES, Draft, Log, Rank, Recording
@@ -68,6 +68,7 @@ def logs_of_joints(parts: Sequence[tuple[Table, MapSource | None]]) -> list[Log]
     drafts = [_draft_of(table, columns) for table, columns in parts]
     keep_common(drafts)
     mend(drafts)
+    find_seams(drafts)
     rest = [len(drafts) > 1 and checks.is_resting(draft) for draft in drafts]
     grid = even_grid(drafts)
     return [
@@ -174,7 +175,7 @@ def _log_of(log: Draft, table: Table, grid: Grid, *, rests: bool, alone: bool) -
     recordings = [_recording_of(log, grid, part) for part in grid.recordings]
     backward: dict[str, None] = {}
     while not rests and (names := correct_signs(log, _most_moved(recordings), alone=alone)):
-        _align(log, wrapped)
+        align(log, wrapped)
         _add_link_position(log)
         recordings = [_recording_of(log, grid, part) for part in grid.recordings]
         origins |= {name: log.channels[name].origin for name in names}
@@ -257,101 +258,3 @@ def _recording_of(log: Draft, grid: Grid, part: slice) -> Recording:
         link_from_deflection="deflection" in log.channels,
         joint=log.joint,
     )
-
-
-TURN = 2.0 * np.pi  # rad
-_FEW_VALUES = 20  # distinct values up to which large steps are due to a coarse encoder
-
-
-def unwrap(log: Draft) -> str:
-    """Unwrap the positions of absolute encoders, and align the two sides by whole turns.
-
-    Return the name of the last position that was unwrapped, or an empty text.
-    """
-    last = ""
-    for name in log.those_of(ENCODERS):
-        last = name if _unwrap(log, name) else last
-        _check_jumps(log, name)
-    _align(log, last)
-    return last
-
-
-def _align(log: Draft, last: str) -> None:
-    """Shift an unwrapped encoder by whole turns next to the other; its first turn is unknown."""
-    if not last or len(log.those_of(ENCODERS)) < 2:
-        return
-    (other,) = {*ENCODERS} - {last}
-    turn = TURN if log.joint == "revolute" else _motor_turn(log, last)
-    log[last] = log[last] + turn * float(np.rint(np.median(log[other] - log[last]) / turn))
-
-
-def _unwrap(log: Draft, name: str) -> bool:
-    """Unwrap a position; return whether it had jumps by a turn, and raise for other jumps."""
-    channel, time = log.channels[name], log.time
-    values, steps = channel.values, np.diff(channel.values)
-    turn = _motor_turn(log, name)
-    if np.abs(steps).max() <= 0.5 * (turn or TURN) or (log.joint == "prismatic" and not turn):
-        return False
-    positions, period = without_wraps(time, values, turn, log.joint)
-    if log.joint == "prismatic" and not period:
-        return False
-    period = period or TURN
-    # A position may change during a gap: there only a turn of the link's side is a wrap.
-    seen = ~are_gaps(time) | (period == TURN)
-    jumps = np.flatnonzero(seen & (np.abs(steps) > 0.5 * period))
-    if not len(jumps) or (period == TURN and len(jumps) > len(steps) // 4):
-        return False  # so many indicate a wrong unit, which `check_speed` reports
-    at = log.at(jumps + 1)
-    if np.abs(np.diff(positions)[seen]).max() > 0.25 * period:
-        raise log.refusal(
-            name,
-            f"{name} jumps by {abs(steps[jumps[0]]):.3g} {channel.unit} at {at}, which is not a "
-            f"whole turn of an encoder: check the unit and the {log.ratio}, or remove the outlier"
-            + ("" if period == TURN else "; if the encoder wraps, unwrap it, or log faster"),
-        )
-    log.warn(name, f"{name} jumps by a turn at {at}, and was unwrapped: check it")
-    log[name] = positions
-    return True
-
-
-def _motor_turn(log: Draft, name: str) -> float:
-    """Turn of the motor at the link's side of the gear; 0 if the encoder is at that side."""
-    ratio = log.channels[name].origin.ratio
-    return TURN / abs(ratio) if ratio else 0.0
-
-
-def without_wraps(
-    time: FloatArray,
-    readings: FloatArray,
-    turn: float,  # of the motor, at the link's side; 0 if the encoder is at that side
-    joint: JointType = "revolute",
-) -> tuple[FloatArray, float]:
-    """Return the unwrapped positions, and the period of the wraps on the motor's side, or 0."""
-    from flexid.kernels.store import load_kernel  # rarely needed
-
-    kernel = load_kernel("encoder_turns", (), None, ["encoder_turns"])
-    gear, positions = kernel.first_gear(), np.empty(len(readings))
-    sample_time = float(np.median(np.diff(time)))
-    turning = joint == "revolute"
-    kernel.unwrapped_log(time, readings, turn, turning, sample_time, gear, positions)
-    if gear[kernel.PERIOD] < 0.0:  # the supposed wraps were none
-        return without_wraps(time, readings, 0.0, joint)
-    return positions, float(gear[kernel.PERIOD])
-
-
-def _check_jumps(log: Draft, name: str) -> None:
-    """Warn of a position that jumps by more than half of its range, as an overflowing counter."""
-    # Steps across gaps, and those of coarse encoders, are no jumps.
-    values = log[name]
-    steps = np.where(are_gaps(log.time), 0.0, np.abs(np.diff(values)))
-    extent = float(np.ptp(values))
-    is_jump = steps > 0.5 * extent
-    rest = steps[~is_jump].max(initial=0.0)
-    if is_jump.any() and rest <= 0.25 * extent and len(np.unique(values)) > _FEW_VALUES:
-        log.warn(
-            name,
-            f"{name} jumps by more than half of its range at "
-            f"{log.at(np.flatnonzero(is_jump) + 1)}: if a counter overflows, unwrap it, or write "
-            f"the gear_ratio in a column map; if it is an outlier, remove it",
-            Rank.DATA,
-        )

@@ -11,6 +11,7 @@ from enum import IntEnum
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
@@ -144,6 +145,8 @@ class Draft:
     file: str
     channels: dict[str, Channel]  # with the time
     warnings: list[str] = field(default_factory=list)
+    # samples after which another recording begins, though no time is missing
+    seams: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def __getitem__(self, name: str) -> FloatArray:
         return self.channels[name].values

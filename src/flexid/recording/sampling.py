@@ -6,7 +6,6 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
@@ -18,16 +17,14 @@ from flexid.recording.recording import (
     Draft,
     Rank,
 )
+from flexid.recording.roughness import are_smoother_at
 from flexid.recording.table import Table, is_stamp
 
 FEWEST_SAMPLES = 20  # of a recording
 FEWEST_TO_IDENTIFY = 75  # of a recording: 50 to fit, and a third of held-out data
 GAP = 1.5  # sample times in a step; a single lost sample makes it 2
-_WIDE_GAP = 4.0  # the same where steps vary: interpolation bridges up to three lost samples
+WIDE_GAP = 4.0  # the same where steps vary: interpolation bridges up to three lost samples
 MOST_GAPS = 0.05  # share of the steps
-_MOST_OF = 0.9  # quantile that ignores rare jumps and wraps
-_SMOOTHER = 1.05  # least ratio of roughness: a log whose encoder hides its clock has 1.00004
-_ROUNDING = 1e-9  # of a position's range
 EVEN = 1e-3  # of a sample time: deviation by rounding of printed times
 MOST_JITTER = 0.1  # of a sample time, up to which steps show gaps and lost samples
 _OF_STAMPS = (
@@ -150,22 +147,17 @@ def even_grid(logs: Sequence[Draft]) -> Grid:
     is_whole = off_whole < EVEN and is_gap.mean() <= MOST_GAPS  # where samples are missing
     rounded = None if is_whole else _rounded_step(log)
     if rounded is not None:
-        return Grid(rounded, (slice(0, len(time)),))
+        return Grid(rounded, _recordings(log, np.zeros_like(is_gap)))
     if is_gap.mean() > MOST_GAPS or _jitter(steps[~is_gap]) > MOST_JITTER:
-        usual = steps[steps <= _WIDE_GAP * typical].mean()
-        is_gap = steps > _WIDE_GAP * usual
+        usual = steps[steps <= WIDE_GAP * typical].mean()
+        is_gap = steps > WIDE_GAP * usual
         if is_gap.mean() > MOST_GAPS or len(_changes(steps)) == 1:
             raise _uneven_error(log, steps)
-    parts = parts_between(is_gap)
-    recordings = [part for part in parts if part.stop - part.start >= FEWEST_SAMPLES]
-    if not recordings:
-        reason = f"gaps leave no {FEWEST_SAMPLES} samples in a row: record without gaps"
-        raise log.refusal("time", reason)
-    _warn_of_gaps(log, parts, recordings)
+    recordings = _recordings(log, is_gap)
     sample_time = _fitted_sample_time(time, recordings)
     apart = (time[one] - sample_time * np.arange(one.stop - one.start) for one in recordings)
     if max(np.abs(off - np.median(off)).max() for off in apart) / sample_time <= EVEN:
-        return Grid(sample_time, tuple(recordings))
+        return Grid(sample_time, recordings)
     is_even = _is_smoother_if_even(logs, recordings)
     within = np.concatenate([np.diff(time[recording]) for recording in recordings])
     taken = (
@@ -173,13 +165,30 @@ def even_grid(logs: Sequence[Draft]) -> Grid:
         if is_even
         else "so the channels were interpolated to even times"
     )
+    warn_uneven(log, 200.0 * _jitter(within), sample_time, taken)
+    return Grid(sample_time, recordings, resample=not is_even)
+
+
+def warn_uneven(log: Draft, percent: float, sample_time: float, taken: str) -> None:
+    """Warn of steps that vary by some percent of the sample time, in s, and of what was taken."""
     log.warn(
         "time",
-        f"the time steps vary by {200.0 * _jitter(within):.2g} % of the sample time of "
-        f"{sample_time * 1e3:.6g} ms, {taken}: record at a fixed rate, or write the time with more "
-        f"digits",
+        f"the time steps vary by {percent:.2g} % of the sample time of {sample_time * 1e3:.6g} ms, "
+        f"{taken}: record at a fixed rate, or write the time with more digits",
     )
-    return Grid(sample_time, tuple(recordings), resample=not is_even)
+
+
+def _recordings(log: Draft, is_gap: NDArray[np.bool_]) -> tuple[slice, ...]:
+    """Parts between gaps and seams that are long enough; warn of the gaps, and of other parts."""
+    is_cut = is_gap.copy()
+    is_cut[log.seams] = True
+    parts = parts_between(is_cut)
+    recordings = [part for part in parts if part.stop - part.start >= FEWEST_SAMPLES]
+    if not recordings:
+        reason = f"gaps leave no {FEWEST_SAMPLES} samples in a row: record without gaps"
+        raise log.refusal("time", reason)
+    _warn_of_gaps(log, is_gap, parts, recordings)
+    return tuple(recordings)
 
 
 def _jitter(steps: FloatArray) -> float:
@@ -191,38 +200,8 @@ def _is_smoother_if_even(logs: Sequence[Draft], recordings: Sequence[slice]) -> 
     """Whether samples were even but stamped late, by the most conclusive position."""
     # If noise hides the difference, the stamps are used.
     positions = [log[name] for log in logs for name in log.those_of(POSITIONS)]
-    gains = [_gain_if_even(logs[0].time, values, recordings) for values in positions]
-    return max(gains, key=abs) > np.log(_SMOOTHER)
-
-
-def _gain_if_even(time: FloatArray, values: FloatArray, recordings: Sequence[slice]) -> float:
-    """Logarithm of a position's roughness at stamped times over that at even times."""
-    gains, lengths = [0.0], [1]
-    for part in recordings:
-        own, stamps = values[part], time[part]
-        at = (np.arange(len(own), dtype=np.float64), stamps)
-        # A quantile, to ignore rare jumps and wraps.
-        off = np.array([np.quantile(_cubic_residual(times, own), _MOST_OF) for times in at])
-        rounding = _ROUNDING * np.ptp(own)
-        if off.max() > rounding:  # a position at rest is no evidence
-            even, stamped = np.log(np.maximum(off, rounding))
-            gains.append(float(stamped - even))
-            lengths.append(len(own))
-    return float(np.average(gains, weights=lengths))
-
-
-def _cubic_residual(time: FloatArray, values: FloatArray) -> FloatArray:
-    """Distance of samples from the cubic through four neighbours over its noise, (n - 4,)."""
-    ahead = sliding_window_view(time, 5) - time[2:-2, None]
-    others = [0, 1, 3, 4]
-    weights = np.ones((len(ahead), len(others)))
-    for i, place in enumerate(others):
-        for other in others:
-            if other != place:
-                weights[:, i] *= ahead[:, other] / (ahead[:, other] - ahead[:, place])
-    around = sliding_window_view(values, 5)[:, others]
-    off = values[2:-2] - np.sum(weights * around, axis=1)
-    return np.abs(off) / np.sqrt(1.0 + np.sum(weights**2, axis=1))
+    even = np.arange(len(logs[0].time), dtype=np.float64)
+    return are_smoother_at(even, logs[0].time, positions, recordings)
 
 
 def check_typical(file: str, place: str, typical: float, steps: FloatArray) -> None:
@@ -319,10 +298,12 @@ def _changes(steps: FloatArray) -> NDArray[np.int64]:
     return np.flatnonzero(np.abs(np.diff(steps)) > MOST_JITTER * steps.min())
 
 
-def _warn_of_gaps(log: Draft, parts: list[slice], recordings: list[slice]) -> None:
-    """Warn of gaps, and of parts between gaps that are too short for a recording."""
-    if len(parts) > 1:
-        gaps = log.spans((a.stop - 1, b.start) for a, b in pairwise(parts))
+def _warn_of_gaps(
+    log: Draft, is_gap: NDArray[np.bool_], parts: list[slice], recordings: list[slice]
+) -> None:
+    """Warn of gaps, and of parts between cuts that are too short for a recording."""
+    if is_gap.any():
+        gaps = log.spans((place, place + 1) for place in np.flatnonzero(is_gap).tolist())
         count = f"{len(recordings)} recording{'' if len(recordings) == 1 else 's'}"
         log.warn(
             "",
@@ -338,7 +319,7 @@ def _warn_of_gaps(log: Draft, parts: list[slice], recordings: list[slice]) -> No
         )
 
 
-def _fitted_sample_time(time: FloatArray, recordings: list[slice]) -> float:
+def _fitted_sample_time(time: FloatArray, recordings: Sequence[slice]) -> float:
     """Least-squares slope of the time over the sample number, common to all recordings, in s."""
     products, squares = 0.0, 0.0
     for recording in recordings:

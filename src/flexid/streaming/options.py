@@ -29,7 +29,7 @@ from flexid.models.flexible_joint import (
 from flexid.models.motion import JointType
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import ANGLES
-from flexid.recording.read import TURN
+from flexid.recording.jumps import TURN
 from flexid.recording.recording import INPUTS, Channel
 from flexid.recording.sampling import check_sample_time
 

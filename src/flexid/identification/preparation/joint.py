@@ -41,7 +41,7 @@ from flexid.models.flexible_joint import (
 from flexid.models.motion import FORCES, JointType, unit_of
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import PhysicalParameter, ZeroAngle, physical_parameters
-from flexid.recording.read import TURN
+from flexid.recording.jumps import TURN
 from flexid.recording.recording import Recording
 
 if TYPE_CHECKING:
