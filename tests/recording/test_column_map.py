@@ -84,6 +84,7 @@ MAPS: dict[str, tuple[dict[str, FloatArray], dict[str, Any]]] = {
     ),
     "other letters": (IN_LETTERS, LETTERS),
     "letters as they stand": (IN_LETTERS | {"Q M": TORQUE}, LETTERS | {"motor_position": "q_m"}),
+    **{f"a header after {mark!r}": (COLUMNS, {"time": f"{mark}time"}) for mark in ("%", "# ")},
     "a part of a sum": (
         without(COLUMNS, "link_position")
         | {"bend": COLUMNS["link_position"] - COLUMNS["motor_position"]},
@@ -129,6 +130,21 @@ ORIGINS: dict[str, tuple[dict[str, FloatArray], dict[str, Any]]] = {
     "a torque twice, without a word": (TWICE, {"time": "time"}),
     "neither of both": (TWICE, {"motor_torque": False}),
     "a usual name beside a map": (renamed(motor_torque="tau"), {"time": "time"}),
+    "a load beside a map": (
+        renamed(link_position="load_position", motor_torque="I_A"),
+        {"motor_torque": {"column": "I_A", "scale": 7.2, "unit": "N m"}},
+    ),
+    "a bare name beside a map": (renamed(link_position="position"), {"time": "time"}),
+    "two loads beside a map": (
+        renamed(link_position="load_position") | {"q_l": TORQUE},
+        {"time": "time"},
+    ),
+    "a link left out": (renamed(link_position="load_position"), {"link_position": False}),
+    "Quanser's deflection": (
+        without(renamed(motor_position="theta", motor_torque="Vm (V)"), "velocity", "link")
+        | {"alpha": COLUMNS["link_position"] - COLUMNS["motor_position"]},
+        {"deflection": "alpha"},
+    ),
     "a clamped link": (without(COLUMNS, "link_position"), {"link_position": 0.1}),
     "a clamped motor": (without(renamed(link_position="q_l"), "torque"), {"motor_position": 0}),
     "a clamped deflection": (COLUMNS, {"deflection": 0}),
