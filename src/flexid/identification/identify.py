@@ -18,7 +18,7 @@ from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.inputs import answer_with_amplifier
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
 from flexid.identification.estimation.neglected_deflection import (
-    GRAVITY,
+    gravity_of,
     like_a_spring,
     with_bending,
     with_hidden_spring,
@@ -217,7 +217,9 @@ def _with_neglected_deflection(
     if any(recording.link_position is not None for recording in recordings):
         return replace(found, estimate=with_bending(found.estimate, recordings)), ()
     if (spring := like_a_spring(found.estimate, recordings)) is not None:
-        found = replace(found, doubts=(*found.doubts, spring), doubted=GRAVITY)
+        found = replace(
+            found, doubts=(*found.doubts, spring), doubted=frozenset(gravity_of(found.estimate))
+        )
     # The positions of an exact fit show the inertia at the lowest frequencies.
     if found.disturbances is None or "beta1" not in found.estimate.names:
         return found, ()

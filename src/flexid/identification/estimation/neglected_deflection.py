@@ -70,10 +70,16 @@ def with_hidden_spring(
     return estimate.widened(np.outer(moved, moved)), share
 
 
-GRAVITY = frozenset({"gamma1", "gamma_cosine"})
+_GRAVITY = {"gamma1", "gamma_cosine"}
 _FREE_FALL = 9.81  # m/s²
-_NEAREST = 0.01  # m: the centre of mass of a link is hardly nearer to its axis
+_NEAREST = 0.02  # m: the centre of mass of a link is hardly nearer to its axis
 _SWING = 0.5  # rad; over less, a sine differs from a spring's straight line by 1 % at most
+
+
+def gravity_of(estimate: Estimate) -> dict[str, float]:
+    """Return the coefficients of gravity, of all logs."""
+    found = estimate.by_name.items()
+    return {name: value for name, value in found if name.partition("[")[0] in _GRAVITY}
 
 
 def like_a_spring(estimate: Estimate, recordings: Sequence[Recording]) -> Caution | None:
@@ -82,9 +88,8 @@ def like_a_spring(estimate: Estimate, recordings: Sequence[Recording]) -> Cautio
     The inertia m l² of a mass at the distance l from the axis is at most the whole inertia. So
     gravity over the inertia is at most g / l.
     """
-    pulls = [value for name, value in estimate.by_name.items() if name in GRAVITY]
+    pull = max(map(abs, gravity_of(estimate).values()), default=0.0)
     places = np.concatenate([recording.motor_position for recording in recordings])
-    pull = float(np.hypot.reduce(pulls, initial=0.0))
     if pull * _NEAREST <= _FREE_FALL or np.ptp(places) > _SWING:
         return None
     return Caution(
