@@ -43,6 +43,7 @@ def geared(ratio: float) -> dict[str, FloatArray]:
 
 
 TORQUE = COLUMNS["motor_torque"]
+STEPS = (1e6 * COLUMNS["time"]).astype("timedelta64[us]")
 GEARS = {101: 101.0, "1/101": 101.0, "101:1": 101.0, -50.5: -50.5, "3/157": 157 / 3}
 LINK_SIDE = {
     name: {"column": name, "side": "link"} for name in ("motor_position", "motor_velocity")
@@ -123,7 +124,7 @@ def test_maps_give_the_log(name: str) -> None:
 
 
 UNREAD = ("link_position", "motor_torque", "motor_position")
-ORIGINS: dict[str, tuple[dict[str, FloatArray], dict[str, Any]]] = {
+ORIGINS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     **MAPS,
     **{f"no {name}": (COLUMNS, {name: False}) for name in UNREAD},
     "a torque twice": (TWICE, {}),
@@ -138,6 +139,14 @@ ORIGINS: dict[str, tuple[dict[str, FloatArray], dict[str, Any]]] = {
     "two loads beside a map": (
         renamed(link_position="load_position") | {"q_l": TORQUE},
         {"time": "time"},
+    ),
+    "loads of two joints beside a map": (
+        without(renamed(link_position="q_l_1"), "velocity") | {"q_l_2": TORQUE},
+        {"motor_position": "motor_position"},
+    ),
+    "a stamp beside a map": (
+        renamed(time="t", motor_torque="tau") | {"when": np.datetime64("2024-05-01") + STEPS},
+        {"time": "t"},
     ),
     "a link left out": (renamed(link_position="load_position"), {"link_position": False}),
     "Quanser's deflection": (

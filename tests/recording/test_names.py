@@ -135,6 +135,8 @@ NAMED: dict[str, dict[str, Any]] = {
     "their speeds alone": {"t": TIME, "MotSpd": SPEED, "WhlSpd": SPEED + MOTOR, "tau": TORQUE},
     "a filtered torque": named(motor_torque="tau_filtered") | {"tau_ref": 2.0 * TORQUE},
     "one beside the same unfiltered": named(motor_torque="tau") | {"tau_filt": 2.0 * TORQUE},
+    "a filtered one beside a current": named(motor_torque="tau_filtered")
+    | {"motor_strom": 2.0 * TORQUE},
     "a filtered position": named(motor_position="q_m_filtered") | {"q_m_set": 2.0 * MOTOR},
     "one beside a raw one": named(motor_position="q_m") | {"q_m_filtered": 2.0 * MOTOR},
     "a mark before encoders": named(
