@@ -142,7 +142,7 @@ NAMED: dict[str, dict[str, Any]] = {
     "a mark before encoders": named(
         link_position="AZ_AXIS_ENC", motor_position="AZ_MOTOR_ENC", motor_torque="AZ_TRQ_CMD"
     ),
-    "the letters of Quanser": named("link", motor_position="theta", motor_torque="Vm (V)")
+    "the letters of Quanser": named("link", motor_position="Theta", motor_torque="Vm (V)")
     | {"alpha (rad)": LINK - MOTOR, "theta_ref": MOTOR},
     "an angular acceleration": named("link", motor_position="theta")
     | {"alpha [rad/s^2]": LINK - MOTOR},

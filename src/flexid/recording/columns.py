@@ -313,8 +313,9 @@ class _Plan:
             what = ARGUMENT if self.map.file == ARGUMENT else f"the column map {self.map.file}"
         found = f"found {self.table.listing}"
         likely = next((f", as {name} = {header!r}" for name, header in _likely(missing, bare)), "")
-        alpha = next(filter(_is_alpha, bare), "")
-        if alpha and _LINK in missing and "theta" in taken:
+        alpha = next((header for header in bare if _is_angle(header, "alpha")), "")
+        has_theta = any(_is_angle(header, "theta") for header in self.table.names)
+        if alpha and has_theta and _LINK in missing:
             likely = f", as deflection = {alpha!r} if it is the arm's angle relative to the motor"
         if is_optional:
             only = "rigid joint" if missing == [_LINK] else "link"
@@ -342,15 +343,16 @@ def _likely(missing: Iterable[str], columns: Collection[str]) -> Iterator[tuple[
                 yield name, header
 
 
-def _is_alpha(header: str) -> bool:
-    """Whether a column has the name of a deflection in Quanser's logs of a flexible joint.
+def _is_angle(header: str, letter: str) -> bool:
+    """Whether a name is a letter alone, in the unit of an angle.
 
-    In its logs of a pendulum, the same name is that of an angle without a spring.
+    In Quanser's logs of a flexible joint, theta is the motor's angle and alpha the deflection. In
+    those of a pendulum, alpha is an angle without a spring.
     """
     bare, unit = split_header(header)
     words = words_of(bare)
     is_angle = unit is None or quantity_of(unit) == "position"
-    return words is not None and words.all == ("alpha",) and is_angle
+    return words is not None and words.all == (letter,) and is_angle
 
 
 def _several(name: str, headers: list[str], *, bare: bool) -> str:
