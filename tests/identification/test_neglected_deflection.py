@@ -9,6 +9,7 @@ from made_joint import log, made, recording
 from flexid.identification.estimation.neglected_deflection import (
     by_hidden_spring,
     excess_of_link,
+    like_a_spring,
     with_bending,
     with_hidden_spring,
 )
@@ -35,6 +36,17 @@ def test_more_of_the_link_is_seen_through_noise(noise):
     assert excess_of_link([made_of]) == pytest.approx(expected, rel=0.01 + 0.2 * noise)
     for unknown in (None, np.zeros(len(TIMES))):  # a link that is clamped tells nothing
         assert excess_of_link([replace(made_of, link_position=unknown)]) == 0.0
+
+
+@pytest.mark.parametrize(("pull", "swing"), [(480.0, 0.2), (500.0, 0.6), (500.0, 0.2)])
+def test_gravity_of_a_short_swing_may_be_a_spring(pull: float, swing: float):
+    """Assert the doubt for a mass within two centimetres of the axis, whose sine is not seen."""
+    estimate = Estimate(("gamma1", "beta1"), np.array([pull, 2.0]), np.eye(2), (50.0,) * 2)
+    motor = 0.5 * swing * np.sin(TIMES)
+    made_of = recording(TIMES, motor, motor, motor)
+    doubt = like_a_spring(estimate, [replace(made_of, link_position=None)])
+    assert (doubt is not None) == (pull > 490.0 and swing < 0.5)
+    assert doubt is None or "within 20 mm of the axis" in doubt
 
 
 def test_all_coefficients_change_alike():

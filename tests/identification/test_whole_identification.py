@@ -24,6 +24,7 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import flexible_joint
 from flexid.recording.frame import table_of_arrays
 from flexid.recording.read import log_of_table
+from flexid.recording.table import Table
 from flexid.simulation.free_run import free_run
 
 TERMS = ("gravity", "motor_viscous")
@@ -373,19 +374,35 @@ def test_speeds_will_do_where_no_position_was_measured(position):
         assert high - low < 0.02 * TRUTH[name], name
 
 
-def test_a_clamped_link_leaves_the_motor_and_the_spring():
-    """Assert that a clamped link leaves motor and spring known, with the link undetermined."""
+def clamped(stiffer: float) -> Table:
+    """Return a motor's log in front of a clamped link, with a stiffer spring."""
     times = SAMPLE_TIME * np.arange(3000)
     tones = 2.0 * np.pi * np.geomspace(0.2, 6.0, 9)
     torque = np.sin(np.outer(times, tones) + tones).sum(axis=1)
     held = {**COEFFICIENTS, "theta1": 0.0, "theta2": 0.0}
+    held["alpha1"] *= stiffer
     states = free_run(flexible_joint(), held, np.zeros(4), torque[:, None], SAMPLE_TIME)
     noise = 1e-5 * np.random.default_rng(3).standard_normal(len(times))
     channels = {"time": times, "motor_torque": torque, "motor_position": states[:, 2] + noise}
-    result = identify([log_of_table(table_of_arrays(channels), {"link_position": 0.0})])
+    return table_of_arrays(channels)
+
+
+def test_a_clamped_link_leaves_the_motor_and_the_spring():
+    """Assert that a clamped link leaves motor and spring known, and has no inertia itself."""
+    result = identify([log_of_table(clamped(1.0), {"link_position": 0.0})])
     assert not any("held-out" in warning for warning in result.warnings)
     for name in ("motor_inertia", "joint_stiffness", "motor_viscous_friction"):
         low, high = result.parameters[name].interval
         assert low < TRUTH[name] < high, name
         assert high - low < 2e-3 * TRUTH[name], name
-    assert result.parameters["link_inertia"].verdict == "undetermined"
+    assert "link_inertia" not in {*result.parameters, *result.removed}
+    assert result.coefficients["theta2"].interval == (0.0, 0.0)
+    assert result.supports()
+
+
+def test_the_spring_of_a_clamped_link_is_not_called_gravity():
+    """Assert that a strong pull over a small angle is undetermined, and the inertia is not."""
+    result = identify([log_of_table(clamped(3.0))])
+    assert result.parameters["gravity_torque"].verdict == "undetermined"
+    assert "write link_position = 0" in result.parameters["gravity_torque"].reason
+    assert result.parameters["inertia"].verdict == "determined"

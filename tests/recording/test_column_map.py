@@ -43,6 +43,7 @@ def geared(ratio: float) -> dict[str, FloatArray]:
 
 
 TORQUE = COLUMNS["motor_torque"]
+STEPS = (1e6 * COLUMNS["time"]).astype("timedelta64[us]")
 GEARS = {101: 101.0, "1/101": 101.0, "101:1": 101.0, -50.5: -50.5, "3/157": 157 / 3}
 LINK_SIDE = {
     name: {"column": name, "side": "link"} for name in ("motor_position", "motor_velocity")
@@ -84,6 +85,7 @@ MAPS: dict[str, tuple[dict[str, FloatArray], dict[str, Any]]] = {
     ),
     "other letters": (IN_LETTERS, LETTERS),
     "letters as they stand": (IN_LETTERS | {"Q M": TORQUE}, LETTERS | {"motor_position": "q_m"}),
+    **{f"a header after {mark!r}": (COLUMNS, {"time": f"{mark}time"}) for mark in ("%", "# ")},
     "a part of a sum": (
         without(COLUMNS, "link_position")
         | {"bend": COLUMNS["link_position"] - COLUMNS["motor_position"]},
@@ -122,13 +124,36 @@ def test_maps_give_the_log(name: str) -> None:
 
 
 UNREAD = ("link_position", "motor_torque", "motor_position")
-ORIGINS: dict[str, tuple[dict[str, FloatArray], dict[str, Any]]] = {
+ORIGINS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     **MAPS,
     **{f"no {name}": (COLUMNS, {name: False}) for name in UNREAD},
     "a torque twice": (TWICE, {}),
     "a torque twice, without a word": (TWICE, {"time": "time"}),
     "neither of both": (TWICE, {"motor_torque": False}),
     "a usual name beside a map": (renamed(motor_torque="tau"), {"time": "time"}),
+    "a load beside a map": (
+        renamed(link_position="load_position", motor_torque="I_A"),
+        {"motor_torque": {"column": "I_A", "scale": 7.2, "unit": "N m"}},
+    ),
+    "a bare name beside a map": (renamed(link_position="position"), {"time": "time"}),
+    "two loads beside a map": (
+        renamed(link_position="load_position") | {"q_l": TORQUE},
+        {"time": "time"},
+    ),
+    "loads of two joints beside a map": (
+        without(renamed(link_position="q_l_1"), "velocity") | {"q_l_2": TORQUE},
+        {"motor_position": "motor_position"},
+    ),
+    "a stamp beside a map": (
+        renamed(time="t", motor_torque="tau") | {"when": np.datetime64("2024-05-01") + STEPS},
+        {"time": "t"},
+    ),
+    "a link left out": (renamed(link_position="load_position"), {"link_position": False}),
+    "Quanser's deflection": (
+        without(renamed(motor_position="theta", motor_torque="Vm (V)"), "velocity", "link")
+        | {"alpha": COLUMNS["link_position"] - COLUMNS["motor_position"]},
+        {"deflection": "alpha"},
+    ),
     "a clamped link": (without(COLUMNS, "link_position"), {"link_position": 0.1}),
     "a clamped motor": (without(renamed(link_position="q_l"), "torque"), {"motor_position": 0}),
     "a clamped deflection": (COLUMNS, {"deflection": 0}),

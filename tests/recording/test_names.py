@@ -26,22 +26,25 @@ USUAL = {
     "motor_position": ("q_m", "theta_m", "motor_pos", "qMotor", "pos_motor_deg", "rotor angle"),
     "motor_velocity": (
         *("qd_m", "motor_speed_rpm", "omega_m", "v_m [rad/s]", "n_motor [rpm]", "w_m (rad/s)"),
+        *("MotSpd [rpm]", "vm (rad/s)"),
     ),
     "motor_torque": (
         *("tau", "tau_m", "torque", "tau_Nm", "Drehmoment", "Couple moteur (N·m)"),
         *("motor-torque-nm", "MotorTorqueNm", "torque_pct", "Motordrehmoment [Nm]", "tau_inlb"),
-        *("torque_cmd", "TauDes", "torque setpoint [N m]"),
+        *("torque_cmd", "TauDes", "torque setpoint [N m]", "TrqReq [Nm]", "tau_filtered"),
     ),
-    "torque": ("joint_torque", "torque_sensor_Nm"),
+    "torque": ("joint_torque", "torque_sensor_Nm", "wheel torque [N m]"),
     "motor_current": (
         *("i_m_A", "i_q [A]", "iq", "Iststrom [A]", "motor_current", "Motor (mA)", "current_mA"),
+        *("iq_filtered_A", "iq_ref_A", "Im [A]"),
     ),
-    "motor_voltage": ("u_V", "voltage", "v_m (V)", "V [mV]"),
+    "motor_voltage": ("u_V", "voltage", "v_m (V)", "V [mV]", "Vm (V)", "u_PWM [V]"),
     "deflection": ("torsion angle [deg]", "Verdrehwinkel / °", "joint_deflection", "扭转角度"),
     "position": (
         *("position", "angle", "q", "ActualPosition", "Weg [mm]", "displacement_um", "joint [deg]"),
+        *("WheelAngle_deg", "Linear Scale [mm]", "AXIS_ENC (arcsec)", "capstan_angle_deg"),
     ),
-    "velocity": ("velocity", "speed_rpm", "v [m/s]", "speed_mm/s"),
+    "velocity": ("velocity", "speed_rpm", "v [m/s]", "speed_mm/s", "WhlSpd [rpm]"),
     "force": ("force", "Kraft [kN]", "motor_force"),
 }
 STRANGE = (
@@ -50,7 +53,8 @@ STRANGE = (
     *("position[0]", "pot_V", "", "torque ²", "Winkel * 2", "q̇_m", "-tau", "T [°C]", "tau*1000"),
     *("last_position", "POS_A", "pos_V", "v", "u [rad]", "position error", "τ̇"),
     *("n", "w_m", "n_m [N]", "w [mm]", "tension", "spring_torque", "torsional torque"),
-    *("link_deflection", "twist.linear.x", "input"),
+    *("link_deflection", "twist.linear.x", "input", "scale", "scale [kg]", "linear speed", "alpha"),
+    *("theta_ref (rad)", "Vm", "u_pwm", "position_filtered_err", "q_target"),
 )
 
 
@@ -120,6 +124,29 @@ NAMED: dict[str, dict[str, Any]] = {
     "a force beside a current": {"time": TIME, "q_m": MOTOR, "iq": TORQUE, "force_N": TORQUE},
     "a force beside angles": {"time": TIME, "q_l [rad]": LINK, "q_m": MOTOR, "force": TORQUE},
     "metres and radians": {"time": TIME, "q_l [m]": LINK, "q_m [rad]": MOTOR, "tau": TORQUE},
+    "a joint behind a capstan": named(
+        link_position="joint_angle", motor_position="capstan_angle", motor_torque="iq_filtered_A"
+    )
+    | {"iq_ref_A": 2.0 * TORQUE, "capstan_angle_ref": 2.0 * MOTOR},
+    "a pulley and a drum": named(link_position="drum_angle", motor_position="pulley_angle"),
+    "a drum beside the motor's": named(link_position="drum_angle", motor_position="q_m"),
+    "a shaft beside the load's": named(link_position="load_angle", motor_position="shaft_angle"),
+    "a motor and a wheel": named(link_position="WheelAngle", motor_position="MotorAngle"),
+    "their speeds alone": {"t": TIME, "MotSpd": SPEED, "WhlSpd": SPEED + MOTOR, "tau": TORQUE},
+    "a filtered torque": named(motor_torque="tau_filtered") | {"tau_ref": 2.0 * TORQUE},
+    "one beside the same unfiltered": named(motor_torque="tau") | {"tau_filt": 2.0 * TORQUE},
+    "a filtered one beside a current": named(motor_torque="tau_filtered")
+    | {"motor_strom": 2.0 * TORQUE},
+    "a filtered position": named(motor_position="q_m_filtered") | {"q_m_set": 2.0 * MOTOR},
+    "one beside a raw one": named(motor_position="q_m") | {"q_m_filtered": 2.0 * MOTOR},
+    "a mark before encoders": named(
+        link_position="AZ_AXIS_ENC", motor_position="AZ_MOTOR_ENC", motor_torque="AZ_TRQ_CMD"
+    ),
+    "the letters of Quanser": named("link", motor_position="Theta", motor_torque="Vm (V)")
+    | {"alpha (rad)": LINK - MOTOR, "theta_ref": MOTOR},
+    "an angular acceleration": named("link", motor_position="theta")
+    | {"alpha [rad/s^2]": LINK - MOTOR},
+    "a setpoint and an error": named("link") | {"link_position_ref": LINK, "link error": LINK},
     "two names": named("motor_position") | {"theta_m": MOTOR, "motor_angle": 2.0 * MOTOR},
 }
 

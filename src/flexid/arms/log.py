@@ -182,13 +182,13 @@ def _named(table: Table, joint: int, types: Sequence[JointType]) -> dict[str, An
 
     Names need no number if the arm has one joint. If there is a motor position, a column named
     only "position" is the link's. A force is the motor's if the joint slides. Measured columns take
-    precedence over commanded ones.
+    precedence over filtered ones, and these over commanded ones.
     """
     numbers = {str(joint), *([""] if len(types) == 1 else [])}
     found: dict[str, Any] = {}
     known = ((header, named_channel(table.short_name(header))) for header in table.names)
     named = [(header, usual) for header, usual in known if usual is not None]
-    for header, usual in sorted(named, key=lambda each: each[1].commanded):
+    for header, usual in sorted(named, key=lambda each: each[1].precedence):
         if usual.channel != "time" and usual.joint.lstrip("0") not in numbers:
             continue
         stated = split_header(header)[1] is not None or usual.unit is None

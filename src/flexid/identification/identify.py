@@ -17,15 +17,22 @@ from flexid.identification.estimation.excitations import row_excitation, row_siz
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.inputs import answer_with_amplifier
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
-from flexid.identification.estimation.neglected_deflection import with_bending, with_hidden_spring
+from flexid.identification.estimation.neglected_deflection import (
+    gravity_of,
+    like_a_spring,
+    with_bending,
+    with_hidden_spring,
+)
 from flexid.identification.full_model.model import LINK
 from flexid.identification.judgement import (
     coefficient_estimates,
     constant_estimates,
+    of_clamped_link,
     of_joint,
     of_link_alone,
     parameter_estimates,
     widest,
+    without_link,
 )
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.recordings import Alignment, Delay, prepare
@@ -206,6 +213,10 @@ def _with_neglected_deflection(
     recordings = [recording for log in logs for recording in log.recordings]
     if any(recording.link_position is not None for recording in recordings):
         return replace(found, estimate=with_bending(found.estimate, recordings)), ()
+    if (spring := like_a_spring(found.estimate, recordings)) is not None:
+        found = replace(
+            found, doubts=(*found.doubts, spring), doubted=frozenset(gravity_of(found.estimate))
+        )
     # The positions of an exact fit show the inertia at the lowest frequencies.
     if found.disturbances is None or "beta1" not in found.estimate.names:
         return found, ()
@@ -269,6 +280,9 @@ def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
     parameters = {name: p.because(*_main_causes(p, found)) for name, p in parameters.items()}
     constants = sought_constants(joined.estimate, reported.structure)
     parameters |= constant_estimates(job.joint, constants, thresholds)
+    if job.link_is_clamped:
+        parameters = without_link(parameters)
+        coefficients = {name: of_clamped_link(c) for name, c in coefficients.items()}
     against = contradicted[0] if contradicted else "" if reported.converged else _NOT_CONVERGED
     half = widest(coefficients, sizes)
 
@@ -340,6 +354,7 @@ def _removed(
     found = parameter_estimates(
         job.joint, estimate, unknowns, every, job.input_unit, job.thresholds
     )
+    found = without_link(found) if job.link_is_clamped else found
     # Without asymmetry, friction by direction equals the reported mean. The parts of a sum are
     # reported themselves.
     known = {*kept} | {

@@ -297,6 +297,23 @@ def constant_estimates(
     return estimates
 
 
+def without_link(parameters: Mapping[str, ValueEstimate]) -> dict[str, ValueEstimate]:
+    """Return the parameters that depend on no coefficient of the link, which a clamp hides."""
+    return {
+        name: parameter
+        for name, parameter in parameters.items()
+        if all(balance_of(coefficient) != "link" for coefficient in parameter.slopes)
+    }
+
+
+def of_clamped_link(coefficient: ValueEstimate) -> ValueEstimate:
+    """Return the link's coefficient as exactly zero, as of an infinite inertia; others as is."""
+    if balance_of(coefficient.name) != "link":
+        return coefficient
+    exact = replace(coefficient, value=0.0, std=0.0, interval=(0.0, 0.0), slopes={})
+    return replace(exact, verdict="determined", reason="given")
+
+
 def _renamed(estimate: Estimate, labels: Mapping[str, str]) -> Estimate:
     """Return the estimate with the names that the coefficients have in one recording."""
     base = {label: c for c, label in labels.items()}

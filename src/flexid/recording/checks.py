@@ -195,7 +195,9 @@ def check_repeats(log: Draft, name: str) -> None:
 
 def check_saturation(log: Draft, name: str) -> None:
     """Warn of a channel that is clipped: it repeatedly rests at its largest or smallest value."""
-    values = log[name]
+    values, limit = log[name], ": reduce the amplitude or widen the sensor's range"
+    if name in INPUTS:
+        limit = f" by the limit of the sensor or of the drive{limit} if it is the sensor's"
     for level, sign in ((values.min(), -1.0), (values.max(), 1.0)):
         share = np.count_nonzero(values == level) / len(values)
         # An input that switches between a few levels is not clipped.
@@ -203,8 +205,7 @@ def check_saturation(log: Draft, name: str) -> None:
             log.warn(
                 name,
                 f"{name} rests at its extreme of {level:.4g} {log.channels[name].unit} in "
-                f"{100.0 * share:.2g} % of the samples, as if clipped: reduce the amplitude or "
-                f"widen the sensor's range",
+                f"{100.0 * share:.2g} % of the samples, as if clipped{limit}",
                 Rank.DATA,
             )
             return

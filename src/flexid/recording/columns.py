@@ -13,6 +13,7 @@ from flexid.recording.names import (
     Usual,
     common_words,
     folded,
+    is_setpoint,
     named_channel,
     nearest_name,
     quoted,
@@ -38,8 +39,9 @@ from flexid.recording.recording import (
     Channel,
     si_units,
 )
+from flexid.recording.sides import name_sides
 from flexid.recording.table import Clock, Table, is_stamp
-from flexid.recording.units import is_relative
+from flexid.recording.units import is_relative, quantity_of
 
 if TYPE_CHECKING:
     import polars
@@ -89,10 +91,11 @@ class _Plan:
         self.map = _NO_MAP if columns is None else read_map(columns)
         # An entry for a clamped side names no column.
         self.is_mapped = bool(self.map.recipes.keys() - self.map.clamped or self.map.unread)
+        self.mapped = {name: self.map.recipe(table, name) for name in self.map.recipes}
         self.found: dict[str, Recipe] = {}  # recipes of channels that were found by name
+        self.guessed: list[str] = []  # channels of sides that no name states
         self._add_canonical()
-        if not self.is_mapped:
-            self._add_usual()
+        self._add_usual()
         self.available = {*self.found, *self.map.recipes}
         self._require()
 
@@ -109,8 +112,8 @@ class _Plan:
                 left_out[name] = "that side is clamped: remove it"
         self.warnings += [f"{name} is not used, since {why}" for name, why in left_out.items()]
         recipes = {
-            name: self.map.recipe(self.table, name)
-            if name in self.map.recipes
+            name: self.mapped[name]
+            if name in self.mapped
             else self.found[name]._replace(ratio=self.map.ratio)
             for name in SI_UNITS
             if name in wanted - {*left_out}
@@ -137,11 +140,7 @@ class _Plan:
         """Add columns with canonical names, except for channels and columns of a column map."""
         # A column that is a part of a sum may still be a channel of its own.
         named = {*self.map.recipes, *self.map.unread}
-        whole = [name for name, recipe in self.map.recipes.items() if len(recipe.weights) == 1]
-        mapped = {self.map.recipe(self.table, name).header for name in whole}
-        for header in self.table.names:
-            if header in mapped:
-                continue
+        for header in self._unmapped():
             bare, unit = split_header(self.table.short_name(header))
             name = _BY_FOLDED.get(folded(bare).replace("_", ""))
             if name is None or name in named:
@@ -153,40 +152,66 @@ class _Plan:
                 )
             self.found[name] = recipe_of_column(self.table, header, unit)
 
-    def _add_usual(self) -> None:
-        """Add columns with common names for channels without a column of the canonical name."""
-        candidates = self._candidates()
-        skipped = {*self.found, *self.map.recipes}
-        if skipped & set(INPUTS):
-            skipped |= set(INPUTS)
+    def _unmapped(self) -> list[str]:
+        """Columns that are not a mapped channel by themselves."""
+        mapped = {one.header for one in self.mapped.values() if len(one.weights) == 1}
+        return [header for header in self.table.names if header not in mapped]
+
+    def _skipped(self) -> set[str]:
+        """Channels for which no column with a common name is sought.
+
+        If a map names columns, only channels without which the log is refused, or used in part,
+        are sought.
+        """
+        skipped = {*self.found, *self.map.recipes, *self.map.unread}
         if "deflection" in skipped:
             skipped.add("link_position")
+        for names in _NEEDED.values():
+            if (self.is_mapped or names == INPUTS) and skipped & {*names} - {*VELOCITIES}:
+                skipped |= {*names}
+        return skipped
+
+    def _add_usual(self) -> None:
+        """Add columns with common names for channels without a column of the canonical name."""
+        skipped = self._skipped()
+        if skipped >= {*SI_UNITS}:
+            return
+        candidates = self._candidates()
         added: dict[str, Recipe] = {}
         for name in SI_UNITS:
-            columns = [] if name in skipped else candidates.get(name, [])
+            # A log whose map leaves out the link may have one encoder.
+            is_doubtful = self.is_mapped and name in self.guessed and name.startswith("link")
+            columns = [] if name in skipped or is_doubtful else candidates.get(name, [])
             columns = self._one_time(columns) if name == "time" else columns
-            if len(columns) > 1:
-                raise self._refusal(
-                    f"{quoted(column.header for column in columns)} could each be {name}: "
-                    f"rename the one that is, or assign it in a column map"
-                )
-            if columns:
+            if len(columns) > 1 and not self.is_mapped:
+                headers = [column.header for column in columns]
+                raise self._refusal(_several(name, headers, bare=name in self.guessed))
+            if len(columns) == 1:
                 added[name] = columns[0]
-        if "time" not in {*self.found, *added}:
+        if "time" not in {*skipped, *added}:
             stamped = [name for name in self.table.names if _has_stamps(self.table.frame[name])]
             if len(stamped) == 1:
                 added["time"] = recipe_of_column(self.table, stamped[0], None)
+        if not added:
+            return
         self.found |= added
-        joint = self.map.joint or joint_of(self.found.values())
+        joint = self.map.joint or joint_of([*self.found.values(), *self.mapped.values()])
         shown = ", ".join(
             f"{' + '.join(map(repr, recipe.weights))} for {name} in "
             f"{recipe.unit or si_units(name, joint)[0]}"
             for name, recipe in added.items()
         )
-        if added:
-            self.warnings.append(
-                f"taken by name: {shown}; check it, or define the columns in a column map"
-            )
+        # Of one encoder, the side is no guess.
+        has_link = not {"link_position", "link_velocity"}.isdisjoint({*self.found, *self.mapped})
+        guesses = [
+            f"{added[name].header!r} is the {name.partition('_')[0]}'s"
+            for name in self.guessed
+            if has_link and name in added
+        ]
+        guess = f"that {' and '.join(guesses)} is a guess: " if guesses else ""
+        self.warnings.append(
+            f"taken by name: {shown}; {guess}check it, or define the columns in a column map"
+        )
 
     def _one_time(self, columns: list[Recipe]) -> list[Recipe]:
         """Return columns other than stamps, or one recipe for a stamp as ROS divides it."""
@@ -205,17 +230,20 @@ class _Plan:
     def _candidates(self) -> dict[str, list[Recipe]]:
         """Columns of one joint, by the channel that their common names indicate."""
         taken = {one.header for one in self.found.values()}
-        short = {h: self.table.short_name(h) for h in self.table.names if h not in taken}
+        short = {h: self.table.short_name(h) for h in self._unmapped() if h not in taken}
         ignored = common_words(short.values())
         usual = {h: one for h, name in short.items() if (one := named_channel(name, ignored))}
         joint = self._joint_of(usual)
-        found: dict[str, list[Recipe]] = {}
+        measured: dict[str, list[Recipe]] = {}
+        filtered: dict[str, list[Recipe]] = {}
         commanded: dict[str, list[Recipe]] = {}
         for header, one in usual.items():
             if one.joint in ("", joint):
                 recipe = recipe_of_column(self.table, header, one.unit)
-                kind = commanded if one.commanded else found
+                kind = (measured, filtered, commanded)[one.precedence]
                 kind.setdefault(one.channel, []).append(recipe)
+        drives = {*INPUTS, "force"}
+        found = {name: own for name, own in filtered.items() if name not in drives} | measured
         # Columns in absolute units take precedence over counts and percentages.
         plain = {
             name: [one for one in own if not is_relative(one.unit or "")]
@@ -224,25 +252,22 @@ class _Plan:
         found = {name: plain[name] or own for name, own in found.items()}
         if any(plain.get(name) for name in INPUTS):
             found = {n: own for n, own in found.items() if n not in INPUTS or plain[n]}
-        _name_sides(found)
-        known = {*self.found, *found}
-        side = _side_of_bare(known & {*POSITIONS}, len(found.get("position", ())))
-        for quantity in ("position", "velocity", "torque"):
-            name = f"{side}_{quantity}"
-            # If positions are known, a bare torque may be the spring's.
-            is_springs = quantity == "torque" and known & {*POSITIONS}
-            if side and quantity in found and name not in known and not is_springs:
-                found[name] = found[quantity]
+        given = {*self.found, *self.map.recipes} - self.map.clamped
+        self.guessed = name_sides(found, given)
+        known = {*given, *found}
         places = [recipe for name, own in found.items() if "position" in name for recipe in own]
-        places += [recipe for name, recipe in self.found.items() if name in POSITIONS]
+        assigned = {**self.found, **self.mapped}
+        places += [recipe for name, recipe in assigned.items() if name in POSITIONS]
         # In a log with angles or a current, a force may belong to something else.
         moves = joint_of(places, "revolute" if known & {*INPUTS} else "prismatic")
         if "force" in found and moves == "prismatic" and "motor_torque" not in self.found:
             found.setdefault("motor_torque", found["force"])
-        # A command is used only if no input was measured.
-        if {*INPUTS}.isdisjoint({*self.found, *found}):
-            force = {"motor_torque": commanded["force"]} if "force" in commanded else {}
-            found |= {**force, **commanded} if moves == "prismatic" else commanded
+        # A filtered input is used only if no other was measured, a command if none was.
+        for other in (filtered, commanded):
+            if {*INPUTS}.isdisjoint({*self.found, *found}):
+                force = {"motor_torque": other["force"]} if "force" in other else {}
+                own = {name: one for name, one in other.items() if name in drives}
+                found |= {**force, **own} if moves == "prismatic" else own
         return found
 
     def _joint_of(self, usual: Mapping[str, Usual]) -> str:
@@ -251,8 +276,8 @@ class _Plan:
         positions = {one.joint: h for h, one in motors_last if one.channel.endswith("position")}
         if "" in positions or len(positions) <= 1:
             return next((joint for joint in positions if joint), "")
-        if "motor_position" in self.found:  # names do not show which of them is its link
-            return ""
+        if "motor_position" in {*self.found, *self.mapped}:
+            return ""  # names do not show which of them is its link
         numbers = sorted(positions, key=int)
         raise self._refusal(
             f"there are positions with the numbers {', '.join(numbers)}, of several joints or of "
@@ -264,7 +289,8 @@ class _Plan:
         """Raise if time, motor position, or both link position and input lack; warn if one does."""
         recipes = (*self.found.values(), *self.map.recipes.values())
         taken = {split_header(column)[0] for recipe in recipes for column in recipe.weights}
-        bare = {h: name for h in self.table.names if (name := split_header(h)[0]) not in taken}
+        free = {h: name for h in self.table.names if (name := split_header(h)[0]) not in taken}
+        bare = {header: name for header, name in free.items() if not is_setpoint(header)}
         missing = [
             label
             for label, names in _NEEDED.items()
@@ -274,7 +300,7 @@ class _Plan:
         ]
         is_optional = missing in ([_LINK], [_INPUT])
         is_meant = is_optional and self.map.unread & {*_NEEDED[missing[0]]}
-        if not missing or is_meant or (missing == [_INPUT] and not bare):
+        if not missing or is_meant or (missing == [_INPUT] and not free):
             return
         hints = [nearest_name(label.split(" ")[0], bare.values()) for label in missing]
         lacks = ", no ".join(label + hint for label, hint in zip(missing, hints, strict=True))
@@ -283,6 +309,10 @@ class _Plan:
             what = ARGUMENT if self.map.file == ARGUMENT else f"the column map {self.map.file}"
         found = f"found {self.table.listing}"
         likely = next((f", as {name} = {header!r}" for name, header in _likely(missing, bare)), "")
+        alpha = next((header for header in bare if _is_angle(header, "alpha")), "")
+        has_theta = any(_is_angle(header, "theta") for header in self.table.names)
+        if alpha and has_theta and _LINK in missing:
+            likely = f", as deflection = {alpha!r} if it is the arm's angle relative to the motor"
         if is_optional:
             only = "rigid joint" if missing == [_LINK] else "link"
             self.warnings.append(
@@ -309,24 +339,28 @@ def _likely(missing: Iterable[str], columns: Collection[str]) -> Iterator[tuple[
                 yield name, header
 
 
-def _name_sides(found: dict[str, list[Recipe]]) -> None:
-    """Assign two positions q and theta to link and motor, by the convention of the literature."""
-    positions = found.get("position", [])
-    words = [words_of(split_header(one.header)[0]) for one in positions]
-    letters = [each.all for each in words if each is not None]
-    if sorted(letters) == [("q",), ("theta",)] and found.keys().isdisjoint(POSITIONS):
-        del found["position"]
-        for letter, one in zip(letters, positions, strict=True):
-            found["link_position" if letter == ("q",) else "motor_position"] = [one]
+def _is_angle(header: str, letter: str) -> bool:
+    """Whether a name is a letter alone, in the unit of an angle.
+
+    In Quanser's logs of a flexible joint, theta is the motor's angle and alpha the deflection. In
+    those of a pendulum, alpha is an angle without a spring.
+    """
+    bare, unit = split_header(header)
+    words = words_of(bare)
+    is_angle = unit is None or quantity_of(unit) == "position"
+    return words is not None and words.all == (letter,) and is_angle
 
 
-def _side_of_bare(known: Collection[str], count: int) -> str:
-    """Side of the joint for positions whose names state none; "" if it is ambiguous."""
-    if not known:
-        return "motor"  # a drive with one encoder
-    if count == 1 and known == {"motor_position"}:
-        return "link"  # such as q in a log with theta_m
-    return "motor" if count == 1 and known == {"link_position"} else ""
+def _several(name: str, headers: list[str], *, bare: bool) -> str:
+    """Reason for refusing several columns of one channel, whose side the names may not state."""
+    which = f"{quoted(headers)} could each be {name}"
+    if bare and name == "motor_position" and len(headers) == 2:
+        motor, link = map(repr, headers)
+        return (
+            f"{which}: assign both in a column map, as motor_position = {motor} and link_position "
+            f"= {link}, or the other way round"
+        )
+    return f"{which}: rename the one that is, or assign it in a column map"
 
 
 def _has_stamps(column: polars.Series) -> bool:

@@ -14,15 +14,18 @@ from flexid.recording.units import is_usual, quantity_of, unit_of_word
 
 _WORDS = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 QUANTITIES, SIDES = _WORDS["quantities"], _WORDS["sides"]
+_MEANT_SIDES = {"motor", "link"}  # the others depend on the log
 CLEAR_SIDES = {"motor", "rotor", "link", "load"}  # sides even as a part of a path, or with a unit
 _SIDE_WORDS = {*CLEAR_SIDES, "joint"}  # name a quantity together with its unit
-# Without a unit these may be a row number, any input, a speed, a count, or a belt's tension.
-_NEED_UNIT = {"i", "u", "v", "w", "n", "tension", "par"}
+# Without a unit these may be a row number, any input, a speed, a count, a belt's tension, a factor.
+_NEED_UNIT = {"i", "u", "v", "w", "n", "tension", "par", "scale"}
 _ENGLISH = {"position", "pos", "angle", "ang", "velocity", "vel", "speed", "torque", "current"}
 _BETWEEN = r"[\s_.,:;/\\$|{}()\[\]<>'\"-]*"  # characters allowed between words
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[A-Z]|\d+|[^\W\d_a-zA-Z]+")
 _SHORTEST_PART = 3  # letters of a word within a longer one; two in Chinese
-_WITH_SIDE = {"q", "theta", "phi", "tau", "pos", "dq", "qd"}  # symbols before m or l: qm, ql
+_WITH_SIDE = {  # symbols before m or l: qm, ql
+    *("q", "theta", "phi", "tau", "pos", "dq", "qd", "v", "u", "i")
+}
 _LONGEST_WORD = 40  # letters of a compound that is split
 _ACCENTED = "aceinouACEINOU"  # letters whose accents are dropped, but not a dot (a derivative)
 
@@ -44,7 +47,17 @@ class Words(NamedTuple):
     sides: frozenset[str]
     needs_unit: bool  # whether the name is ambiguous without a unit
     others: tuple[str, ...]  # unknown words
-    commanded: bool  # whether it is a command instead of a measurement
+    kinds: frozenset[str]  # also those of words that say nothing about the channel
+
+    @property
+    def precedence(self) -> int:
+        """Place among columns of one channel: 0 if measured, 1 if filtered, 2 if commanded."""
+        return 2 if "command" in self.kinds else int("filtered" in self.kinds)
+
+    @property
+    def is_encoder(self) -> bool:
+        """Whether an encoder is named."""
+        return not {"enc", "encoder"}.isdisjoint(self.all)
 
 
 @cache
@@ -76,7 +89,7 @@ def words_of(name: str) -> Words | None:
         frozenset(kind for kind in kinds if kind in SIDES),
         not _NEED_UNIT.isdisjoint(words),
         tuple(word for word, kind in zip(words, kinds, strict=True) if kind in unknown),
-        "command" in kinds,
+        frozenset(kinds),
     )
 
 
@@ -128,7 +141,13 @@ _MOST_PARTS = 8  # of a path in its shortest end
 _INPUTS = ("torque", "force", "current", "voltage")
 _SPEED = ("velocity",)
 # Symbols for several quantities, of which the unit selects one.
-_BY_UNIT = {"u": _INPUTS, "v": ("voltage", "velocity"), "w": _SPEED, "n": _SPEED}
+_BY_UNIT = {
+    "scale": ("position",),
+    "u": _INPUTS,
+    "v": ("voltage", "velocity"),
+    "w": _SPEED,
+    "n": _SPEED,
+}
 _JOINT_NUMBER = re.compile(r"(?:(?:joint|jnt|j|axis|axe|achse|asse|gelenk|a) )?(\d{1,2})")
 
 
@@ -138,7 +157,7 @@ class Usual(NamedTuple):
     channel: str  # "position", "velocity" or "torque" if the name has no side
     unit: str | None  # as stated in the name
     joint: str = ""  # number of the joint in the name, if any
-    commanded: bool = False  # whether it is a commanded input instead of a measured one
+    precedence: int = 0  # 0 if measured, 1 if filtered, 2 if it is a commanded input
 
 
 @cache
@@ -177,8 +196,8 @@ def split_header(header: str) -> tuple[str, str | None]:
 
 
 def folded(name: str) -> str:
-    """Return a name in lower case, with its words joined by underscores."""
-    return re.sub(r"[\s.\-]+", "_", name.casefold())
+    """Return a name in lower case, its words joined by underscores, without a comment mark."""
+    return re.sub(r"[\s.\-]+", "_", name.casefold().lstrip(" #%"))
 
 
 def usual_channel(header: str) -> Usual | None:
@@ -209,7 +228,7 @@ def common_words(headers: Iterable[str]) -> frozenset[str]:
         words = words_of(stem)
         if words is None or (words.needs_unit and unit is None):  # such as n, a row number
             continue
-        if {*words.quantities} - {"time"}:
+        if {*words.quantities} - {"time"} or (words.sides and words.is_encoder):
             found.append({word for word in words.others if not word.isdigit()})
     return frozenset(set.intersection(*found)) if len(found) >= _FEWEST_NAMES else frozenset()
 
@@ -227,13 +246,13 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
     if others and joint is None:
         return None
     number = joint[1] if joint else ""
-    sides = words.sides - {"joint"}
+    sides = words.sides & _MEANT_SIDES
     of_joint = "joint" in words.sides and not sides
     is_time = {*words.quantities} == {"time"}  # such as "time t", joined to a group
     quantities = words.quantities[:1] if is_time else words.quantities
     if {*quantities} == {"deflection", "position"}:  # such as "torsion angle"
         quantities = ("deflection",)
-    is_encoder = not {"enc", "encoder"}.isdisjoint(words.all)
+    is_encoder = words.is_encoder
     if not quantities and words.sides and (is_encoder or not _SIDE_WORDS.isdisjoint(words.all)):
         measured = quantity_of(unit) if unit else "position" if is_encoder else None
         if of_joint and measured != "position":  # a torque at a joint may be the spring's
@@ -260,11 +279,12 @@ def _channel(words: Words, unit: str | None, ignored: frozenset[str]) -> Usual |
         name = "torque" if is_apart else f"motor_{quantity}"
         if quantity == "force":
             name, unit = "force", unit or "N"
-        return Usual(name, unit, number, words.commanded)
+        return Usual(name, unit, number, words.precedence)
     if quantity == "deflection":  # the bending of a link, or a strain, is in another unit
         is_angle = unit is None or quantity_of(unit) == "position"
         return Usual(quantity, unit, number) if is_angle and not side else None
-    return Usual(f"{side}_{quantity}" if side else quantity, unit, number)
+    name = f"{side}_{quantity}" if side else quantity
+    return Usual(name, unit, number, words.precedence)
 
 
 def _stems_and_units(header: str) -> Iterator[tuple[str, str | None]]:
@@ -332,6 +352,19 @@ def _leaves_side_out(end: str, parent: str) -> bool:
     found = usual_channel(end)
     is_open = found is not None and found[0] in ("position", "velocity", "motor_torque")
     return is_open and not CLEAR_SIDES.isdisjoint(re.findall("[a-z]+", parent.casefold()))
+
+
+def is_setpoint(header: str) -> bool:
+    """Return whether a name is that of a commanded position or velocity, or of an error.
+
+    >>> is_setpoint("theta_ref (rad)"), is_setpoint("Following Error [um]"), is_setpoint("tau_cmd")
+    (True, True, False)
+    """
+    words = words_of(split_header(header)[0])
+    if words is None:
+        return False
+    is_asked = "command" in words.kinds and {*words.quantities}.isdisjoint(_INPUTS)
+    return is_asked or not {"error", "err"}.isdisjoint(words.all)
 
 
 def nearest_name(word: str, candidates: Iterable[str]) -> str:

@@ -8,6 +8,8 @@ unknown, between -1/2 and 1/2.
 With one encoder, r grows with the squared frequency ω² to first order. So does the inertia that the
 motor drives, J + c ω². The log shows c if the motion has several frequencies. Then the inertia is
 wrong by an unknown part of the change with c.
+
+If the link is clamped, the spring pulls the motor back as gravity would, but more strongly.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -19,7 +21,7 @@ from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import INPUT
 from flexid.identification.vocabulary.evidence import Estimate
 from flexid.models.flexible_joint import RIGID_UNITS
-from flexid.recording.recording import Recording
+from flexid.recording.recording import Caution, Rank, Recording
 from flexid.recording.velocities import with_velocities
 
 _BAND = 0.99  # share of the power in the band; above it are noise and steps of encoders
@@ -66,6 +68,35 @@ def with_hidden_spring(
     gain = estimate.names.index("beta1")
     share = abs(float(moved[gain] / estimate.values[gain]))
     return estimate.widened(np.outer(moved, moved)), share
+
+
+_GRAVITY = {"gamma1", "gamma_cosine"}
+_FREE_FALL = 9.81  # m/s²
+_NEAREST = 0.02  # m: the centre of mass of a link is hardly nearer to its axis
+_SWING = 0.5  # rad; over less, a sine differs from a spring's straight line by 1 % at most
+
+
+def gravity_of(estimate: Estimate) -> dict[str, float]:
+    """Return the coefficients of gravity, of all logs."""
+    found = estimate.by_name.items()
+    return {name: value for name, value in found if name.partition("[")[0] in _GRAVITY}
+
+
+def like_a_spring(estimate: Estimate, recordings: Sequence[Recording]) -> Caution | None:
+    """Return the doubt that gravity is the spring of a clamped link; None if there is none.
+
+    The inertia m l² of a mass at the distance l from the axis is at most the whole inertia. So
+    gravity over the inertia is at most g / l.
+    """
+    pull = max(map(abs, gravity_of(estimate).values()), default=0.0)
+    places = np.concatenate([recording.motor_position for recording in recordings])
+    if pull * _NEAREST <= _FREE_FALL or np.ptp(places) > _SWING:
+        return None
+    return Caution(
+        f"gravity pulls as if all mass was within {1e3 * _FREE_FALL / pull:.2g} mm of the axis, so "
+        f"it may be the spring: if the link is clamped, write link_position = 0 in a column map",
+        Rank.MODEL,
+    )
 
 
 def _base(estimate: Estimate) -> FloatArray:

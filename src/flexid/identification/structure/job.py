@@ -93,6 +93,12 @@ class Job:
         return data_of(self.joint, recordings, groups, self.settings.given_delay)
 
     @property
+    def link_is_clamped(self) -> bool:
+        """Whether a column map states that the link of a flexible joint does not move."""
+        first = self.recordings.recorded[0]
+        return self.joint.kind == "flexible" and "link_position" in first.clamped
+
+    @property
     def delay_in_doubt(self) -> bool:
         """Whether a delay of the link's encoder may look like damping and friction.
 
@@ -178,7 +184,7 @@ def job_of(
     check_against(settings, first.sample_time, shortest)
     known = stated(settings, joint, first.input_unit)
     job = Job(joint, recordings, known, settings, progress, thresholds)
-    if joint.kind == "flexible" and "link_position" in first.clamped:
+    if job.link_is_clamped:
         job = replace(job, left_out=_link_coefficients(joint))
     if settings.coulomb_velocity != "auto" and (dry := sorted(job.kept & joint.shapes)):
         raise SettingError(

@@ -1,0 +1,78 @@
+"""Sides of the joint to which positions and velocities belong whose names do not state one."""
+
+from collections.abc import Collection, Set
+
+from flexid.recording.names import split_header, words_of
+from flexid.recording.recipes import Recipe
+from flexid.recording.recording import POSITIONS, VELOCITIES
+
+
+def name_sides(found: dict[str, list[Recipe]], given: Collection[str]) -> list[str]:
+    """Assign quantities without a side to channels in `found`; return channels that are guesses.
+
+    Channels in `given` have columns already.
+    """
+    guessed = _assign_pairs(found, given)
+    known = {*given, *found}
+    places = known & {*POSITIONS}
+    side = _side_of_bare(places, len(found.get("position", ())))
+    for quantity in ("position", "velocity", "torque"):
+        bare = found.get(quantity, [])
+        own = side
+        if quantity == "velocity" and not places and "position" not in found:
+            speeds = {name.replace("velocity", "position") for name in known & {*VELOCITIES}}
+            own = _side_of_bare(speeds, len(bare))
+        name = f"{own}_{quantity}"
+        # If positions are known, a bare torque may be the spring's.
+        is_springs = quantity == "torque" and places
+        if own and bare and name not in known and not is_springs:
+            found[name] = bare
+            guessed += [name] if own == "motor" or not _is_behind(bare[0]) else []
+    return guessed
+
+
+def _assign_pairs(found: dict[str, list[Recipe]], given: Collection[str]) -> list[str]:
+    """Assign two positions, or two velocities, of which one name is nearer to the motor."""
+    guessed = []
+    for quantity in ("position", "velocity"):
+        pair = found.get(quantity, [])
+        sided = {f"motor_{quantity}", f"link_{quantity}", "deflection"}
+        if len(pair) != 2 or sided & {*found, *given}:
+            continue
+        motors, links = _by_nearness(pair)
+        if len(motors) == 1:
+            del found[quantity]
+            found |= {f"motor_{quantity}": motors, f"link_{quantity}": links}
+            guessed += [f"motor_{quantity}"]
+            guessed += [] if _is_behind(links[0]) else [f"link_{quantity}"]
+    return guessed
+
+
+def _by_nearness(pair: list[Recipe]) -> tuple[list[Recipe], list[Recipe]]:
+    """Columns of the motor's side and of the link's: a capstan is nearer to it than a joint is.
+
+    By the convention of the literature, theta is the motor's and q is the link's.
+    """
+    words = [words_of(split_header(one.header)[0]) for one in pair]
+    letters = [each.all if each is not None else () for each in words]
+    if sorted(letters) == [("q",), ("theta",)]:
+        are_near = [each == ("theta",) for each in letters]
+    else:
+        are_near = [each is not None and "transmission" in each.sides for each in words]
+    near = [one for one, is_near in zip(pair, are_near, strict=True) if is_near]
+    return near, [one for one in pair if one not in near]
+
+
+def _is_behind(column: Recipe) -> bool:
+    """Whether a name is that of a part behind the spring, if the other side is the motor's."""
+    words = words_of(split_header(column.header)[0])
+    return words is not None and "joint" in words.sides
+
+
+def _side_of_bare(known: Set[str], count: int) -> str:
+    """Side of the joint for positions whose names state none; "" if it is ambiguous."""
+    if not known:
+        return "motor"  # a drive with one encoder
+    if count == 1 and known == {"motor_position"}:
+        return "link"  # such as q in a log with theta_m
+    return "motor" if count == 1 and known <= {"link_position", "deflection"} else ""
