@@ -135,6 +135,10 @@ ORIGINS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
         renamed(link_position="load_position", motor_torque="I_A"),
         {"motor_torque": {"column": "I_A", "scale": 7.2, "unit": "N m"}},
     ),
+    "both positions mapped, not the torque": (
+        renamed(motor_torque="tau", link_position="a", motor_position="b"),
+        {"link_position": "a", "motor_position": "b"},
+    ),
     "a bare name beside a map": (renamed(link_position="position"), {"time": "time"}),
     "two loads beside a map": (
         renamed(link_position="load_position") | {"q_l": TORQUE},

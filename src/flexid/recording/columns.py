@@ -161,9 +161,11 @@ class _Plan:
         """Channels for which no column with a common name is sought.
 
         If a map names columns, only channels without which the log is refused, or used in part,
-        are sought.
+        are sought. If it names both positions, an input that it omits is meant to be left out.
         """
         skipped = {*self.found, *self.map.recipes, *self.map.unread}
+        if all(self.map.recipes.keys() & {*_NEEDED[side]} for side in ("motor_position", _LINK)):
+            skipped |= {*INPUTS}
         if "deflection" in skipped:
             skipped.add("link_position")
         for names in _NEEDED.values():
