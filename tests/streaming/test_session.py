@@ -68,6 +68,7 @@ def faint() -> np.ndarray:
 @example(samples=spikes(), timed=True)
 @example(samples=np.zeros((9, 4)), timed=True)
 @example(samples=np.ones((300, 4)), timed=True)
+@example(samples=np.array([[0.0, 0.0, 1.0, 2.5e-155], 4 * [0.0], 4 * [0.0]]), timed=True)
 @example(samples=faint(), timed=True)
 @example(samples=2.5e-153 * np.arange(400.0).reshape(100, 4) ** 2, timed=True)
 @given(

@@ -85,7 +85,9 @@ class Learner:
     def estimate(self, states: States) -> Estimate:
         """Return the coefficients with a covariance from noise and disagreement."""
         apart = WORTH * self.disagreement(states)
-        return self.noise_estimate(states).widened(np.diag(apart**2))
+        with np.errstate(over="ignore"):  # an infinite variance is that of an unknown value
+            variances = apart**2
+        return self.noise_estimate(states).widened(np.diag(variances))
 
     def noise_estimate(self, states: States) -> Estimate:
         """Return the coefficients with a covariance from noise alone."""
