@@ -37,7 +37,7 @@ from flexid.estimators.samples import Samples
 from flexid.identification.estimation.answers import Answer
 from flexid.identification.estimation.disturbed import Disturbed, fit_disturbed
 from flexid.identification.estimation.input_lag import lag_error, likely_lag
-from flexid.identification.estimation.input_noise import InputChoice
+from flexid.identification.estimation.input_noise import InputChoice, without_input_noise
 from flexid.identification.estimation.inputs import _is_likelier
 from flexid.identification.estimation.model_error import (
     behind_a_dead_zone,
@@ -122,6 +122,18 @@ def test_noise_of_a_torque_does_not_reduce_its_gain(seed, monkeypatch):
     monkeypatch.setattr(input_noise_module, "_noise", lambda _: 0.0)
     as_logged = fitted_with_torque_noise(seed, 1.44).fitted.by_name["beta1"]
     assert as_logged / PUSHED["beta1"] - 1.0 < -0.05
+
+
+def test_each_recording_has_its_own_noise_of_the_input():
+    """Assert that noise is removed from a driven recording, though a longer one is coasting."""
+    driven, noise = pushed(2), 1.44 * np.random.default_rng(3).standard_normal(len(pushed(2)))
+    coasting = pushed(2, duration=14.0)
+    coasting = replace(coasting, input=np.zeros(len(coasting)))
+    log = data(replace(driven, input=driven.needed_input + noise), coasting)
+    quiet, rest = (own.inputs[:, 0] for own in without_input_noise(log).samples)
+    assert np.std(quiet - driven.needed_input) < 0.3 * np.std(noise)
+    assert not rest.any()
+    assert InputChoice(without_noise=True).removed_from(log) == pytest.approx(1.44, rel=0.05)
 
 
 @pytest.mark.parametrize("seed", [2, 3])

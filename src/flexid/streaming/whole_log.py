@@ -213,6 +213,8 @@ def _result(
             )
         ),
         recordings=(),
+        # The pass fits the input as logged.
+        disturbances=found.disturbances and replace(found.disturbances, input_noise=0.0),
     )
 
 

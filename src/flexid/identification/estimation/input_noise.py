@@ -15,6 +15,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
+from flexid.estimators.samples import Samples
 from flexid.identification.estimation.band import FitInBand, fit_in_band
 from flexid.identification.full_model.model import Data
 from flexid.identification.structure.gap import CHANCE
@@ -42,7 +43,7 @@ class InputChoice:
 
     def removed_from(self, data: Data) -> float:
         """Return the standard deviation of the noise removed from a log's input."""
-        return _noise(data) if self.without_noise else 0.0
+        return max(map(_noise, data.samples)) if self.without_noise else 0.0
 
     def other_of(self, data: Data) -> Data:
         """Return a log with the input that was not chosen."""
@@ -52,7 +53,7 @@ class InputChoice:
 def likelier_input(logged: FitInBand, data: Data, factor: int) -> tuple[FitInBand, InputChoice]:
     """Return the fit with the likelier input, from the fit with the logged one, and the choice."""
     fitted = logged.fitted
-    if fitted.structure.joint.kind == "link" or _noise(data) == 0.0:
+    if fitted.structure.joint.kind == "link" or not any(map(_noise, data.samples)):
         return logged, InputChoice()
     quiet = without_input_noise(data)
     with suppress(ConvergenceError):
@@ -67,14 +68,16 @@ def likelier_input(logged: FitInBand, data: Data, factor: int) -> tuple[FitInBan
 
 def without_input_noise(data: Data) -> Data:
     """Return a log with the expected value of its input, given white noise of its sensor."""
-    variance = _noise(data) ** 2
-    samples = [replace(s, inputs=_expected(s.inputs[:, 0], variance)) for s in data.samples]
+    samples = [
+        replace(recording, inputs=_expected(recording.inputs[:, 0], _noise(recording) ** 2))
+        for recording in data.samples
+    ]
     return replace(data, samples=tuple(samples))
 
 
-def _noise(data: Data) -> float:
+def _noise(recording: Samples) -> float:
     """Return the standard deviation of the input's noise."""
-    return position_noise(max(data.samples, key=len).inputs[:, 0])
+    return position_noise(recording.inputs[:, 0])
 
 
 def _expected(logged: FloatArray, variance: float) -> FloatArray:
