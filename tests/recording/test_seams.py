@@ -76,6 +76,14 @@ def test_a_gap_at_the_seam_is_named_once():
     assert not about_jumps(log)
 
 
+def test_a_position_may_change_across_a_gap_only():
+    """Assert that a link that is clamped at two places has no seam."""
+    second = TIME > (COUNT - 0.5) * STEP
+    log = read_columns(WHOLE | {"time": TIME + 1.0 * second, "link_position": 0.3 * second})
+    assert len(log.recordings) == 2
+    assert not about_jumps(log)
+
+
 @pytest.mark.parametrize("slipped", ENCODERS)
 def test_one_encoder_that_slips_cuts_nothing(slipped: str):
     """Assert that a jump of one encoder, in fast motion, is another fault with its own warning."""

@@ -76,6 +76,8 @@ def _jumps(log: Draft, name: str, larger: float) -> set[int]:
     # A sensor that is read at a lower rate than the log changes in some samples only.
     changes = np.flatnonzero(steps)
     sizes = steps[changes]
+    if len(sizes) <= 2 * _NEARBY:
+        return set()
     places = np.flatnonzero(sizes[_NEARBY : len(sizes) - _NEARBY] > least) + _NEARBY
     for away in (-1, 1):  # the closest changes leave few places
         places = places[sizes[places] > larger * sizes[places + away]]
