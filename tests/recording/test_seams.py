@@ -75,6 +75,16 @@ def test_a_counter_that_overflows_is_no_seam(left_out: str):
     assert any("if a counter overflows, unwrap it" in text for text in log.warnings)
 
 
+def test_an_overflow_among_other_jumps_is_no_seam():
+    """Assert that both positions of joined logs must jump alike if one jumps that far."""
+    found = counted(2.6)
+    overflow = int(np.argmax(np.abs(np.diff(found["motor_position"]))))
+    found["link_position"][overflow + 1 :] -= 0.3
+    log = read_columns(found)
+    assert len(log.recordings) == 1
+    assert not about_jumps(log)
+
+
 def test_a_deflection_may_go_on_at_a_seam():
     """Assert that the motor alone shows a seam if the link is known by its deflection."""
     found = joined()
