@@ -16,6 +16,7 @@ from flexid.recording.sampling import FEWEST_SAMPLES, are_gaps
 from flexid.recording.velocities import position_noise
 
 TURN = 2.0 * np.pi  # rad
+CUT_AT_SEAM = "as where logs were joined, so the log was cut there"  # a stream is not cut
 _FEW_VALUES = 20  # distinct values up to which large steps are due to a coarse encoder
 _LARGER = 5.0  # a jump over the largest step nearby; three lost samples make one 4 times as long
 _ALSO = 2.0  # the same at a place where the other position clearly jumps
@@ -38,9 +39,8 @@ def find_seams(logs: Sequence[Draft]) -> None:
         if common:
             log.warn(
                 moved,
-                f"every position jumps within one sample {_by_at(log, moved, common)}, as where "
-                f"logs were joined, so the log was cut there: join logs with a pause in the time, "
-                f"or check the encoders",
+                f"every position jumps within one sample {_by_at(log, moved, common)}, "
+                f"{CUT_AT_SEAM}: join logs with a pause in the time, or check the encoders",
                 Rank.DATA,
             )
         for name, places in alone.items():
