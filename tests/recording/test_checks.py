@@ -91,6 +91,10 @@ CASES: dict[str, Columns] = {
     "a link at its resonance": changed("velocity", link_position=3.0),
     "a coarse encoder": changed(link_position=coarse(0.02), motor_position=coarse(0.02)),
     "an encoder of two counts": {**NO_JUMPS, "motor_torque": 3.0 * np.cos(SLOW)},
+    "an encoder of two counts in small motion": {
+        **NO_JUMPS,
+        "motor_position": 0.009 * np.sin(SLOW),
+    },
 }
 
 

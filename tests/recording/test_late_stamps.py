@@ -92,3 +92,13 @@ def test_a_clock_that_leaps_loses_no_samples():
     np.testing.assert_array_equal(recording.motor_position, COLUMNS["motor_position"])
     assert any("smoother at even times, so these" in text for text in log.warnings)
     assert not any("rounded" in text for text in log.warnings)
+
+
+def test_a_few_samples_between_two_pauses():
+    """Assert that three samples between pauses, too few for a cubic, are no evidence of a time."""
+    left = np.setdiff1d(kept(0.02), np.r_[1980:2000, 2003:2023])
+    assert np.isin([2000, 2001, 2002], left).all()
+    found = {name: values[left] for name, values in COLUMNS.items()}
+    log = read_columns(found | {"time": late(TRUE[left], 0.1)})
+    assert len(log.recordings) == 2
+    assert any("smoother at even times with lost samples" in text for text in log.warnings)

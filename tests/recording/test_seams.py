@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from joint_log import joint_columns, read_columns, without
 
+from flexid import RecordingError
 from flexid.arrays import FloatArray
 from flexid.recording import Log
 from flexid.recording.frame import table_of_arrays
@@ -23,7 +24,7 @@ def joined(seam: float = 0.12, noise: float = 1e-5) -> Columns:
     """Return two logs in one, the second of which begins off the end of the first, in rad."""
     rng = np.random.default_rng(4)
     found = {name: values.copy() for name, values in WHOLE.items()}
-    for name, share in zip(ENCODERS, (1.0, 0.7), strict=True):
+    for name, share in zip(ENCODERS, (1.0, 0.85), strict=True):
         found[name][COUNT:] += share * seam
         found[name] += noise * rng.standard_normal(2 * COUNT)
     return found
@@ -34,8 +35,10 @@ def about_jumps(log: Log) -> list[str]:
     return [text for text in log.warnings if "within one sample" in text]
 
 
-@pytest.mark.parametrize("seam", [0.12, -0.3, 4.0])
-@pytest.mark.parametrize("left_out", ["link", "nothing"])
+@pytest.mark.parametrize(
+    ("seam", "left_out"),
+    [(0.12, "nothing"), (0.12, "link"), (-0.3, "nothing"), (-0.3, "link"), (4.0, "nothing")],
+)
 def test_joined_logs_are_cut_at_the_seam(seam: float, left_out: str):
     """Assert that each log is a recording with its own samples and times, and one warning."""
     columns = without(joined(seam), left_out)
@@ -46,6 +49,40 @@ def test_joined_logs_are_cut_at_the_seam(seam: float, left_out: str):
     np.testing.assert_array_equal(second.motor_position, columns["motor_position"][COUNT:])
     (warning,) = (text for text in log.warnings if "jumps" in text)
     assert "at 6 s), as where logs were joined, so the log was cut there" in warning
+
+
+def test_a_short_log_may_have_one_seam():
+    """Assert that a log is cut that is shorter than what many jumps must be apart."""
+    log = read_columns({name: v[COUNT - 200 : COUNT + 200] for name, v in joined().items()})
+    assert [len(one) for one in log.recordings] == [200, 200]
+
+
+def counted(period: float) -> Columns:
+    """Return a joint whose motor counts from -period / 2 to period / 2, in rad."""
+    found = shifted(lambda t: 0.25 * t + 0.1 * np.sin(t))
+    motor = found["motor_position"]
+    return found | {"motor_position": (motor + 0.5 * period) % period - 0.5 * period}
+
+
+@pytest.mark.parametrize("left_out", ["link", "nothing"])
+def test_a_counter_that_overflows_is_no_seam(left_out: str):
+    """Assert that a jump over most of a position's range is refused, or cuts nothing."""
+    with pytest.raises(RecordingError, match="which is not a whole turn of an encoder"):
+        read_columns(without(counted(4.0), left_out))
+    log = read_columns(without(counted(2.6), left_out))
+    assert len(log.recordings) == 1
+    assert not about_jumps(log)
+    assert any("if a counter overflows, unwrap it" in text for text in log.warnings)
+
+
+def test_an_overflow_among_other_jumps_is_no_seam():
+    """Assert that both positions of joined logs must jump alike if one jumps that far."""
+    found = counted(2.6)
+    overflow = int(np.argmax(np.abs(np.diff(found["motor_position"]))))
+    found["link_position"][overflow + 1 :] -= 0.3
+    log = read_columns(found)
+    assert len(log.recordings) == 1
+    assert not about_jumps(log)
 
 
 def test_a_deflection_may_go_on_at_a_seam():
@@ -72,6 +109,14 @@ def test_a_gap_at_the_seam_is_named_once():
     found = joined()
     found["time"] = TIME + 2.0 * (TIME > (COUNT - 0.5) * STEP)
     log = read_columns(found)
+    assert len(log.recordings) == 2
+    assert not about_jumps(log)
+
+
+def test_a_position_may_change_across_a_gap_only():
+    """Assert that a link that is clamped at two places has no seam."""
+    second = TIME > (COUNT - 0.5) * STEP
+    log = read_columns(WHOLE | {"time": TIME + 1.0 * second, "link_position": 0.3 * second})
     assert len(log.recordings) == 2
     assert not about_jumps(log)
 
@@ -155,6 +200,7 @@ SMOOTH: dict[str, Columns] = {
     "a sudden stop": shifted(lambda t: np.minimum(2.0 * t, 3.0 + 0.01 * np.sin(t))),
     "turns": shifted(lambda t: np.mod(1.5 * t + 1.0, 2.0 * np.pi)),
     "steps again and again": shifted(stepped(0.1, 1.0)),
+    "a step of 0.1 rad every 6 s": shifted(stepped(0.1, 2.0)) | {"time": 3.0 * TIME},
     "a small step": shifted(stepped(0.003, 7.0)),
     "a small step of coarse encoders": shifted(stepped(0.06, 7.0), 9),
     **{f"{count} lost samples": without_samples(count) for count in (1, 3)},

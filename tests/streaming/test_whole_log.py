@@ -173,6 +173,15 @@ def test_dry_friction_is_covered(write: Write):
     assert_holds(result, truth)
 
 
+def test_a_stream_is_not_cut_at_a_seam(write: Write, columns: Columns):
+    """Assert that the warning of joined logs says so, and that one of gaps is left alone."""
+    jump = 0.4 * (TIME > 6.0)
+    moved_on = {n: v + jump for n, v in columns.items() if "position" in n}
+    found = identify_stream(write(tuple(range(3000, 3020)), **moved_on), settings=CHOSEN)
+    assert any("joined, but a stream is not cut there: " in text for text in found.warnings)
+    assert any("so the log was cut there into 3" in text for text in found.warnings)
+
+
 def test_what_cannot_be_streamed(write: Write, tmp_path: Path):
     """Assert that each log is refused in one sentence, a row with its number."""
     slow = Settings(terms=("gravity",), hold="linear", filter_rate=0.01)

@@ -20,6 +20,8 @@ _LARGEST_INPUT = {"A": 500.0, "V": 2000.0}
 _FEWEST_LEVELS, _LEAST_LEVEL = 20, 50.0  # distinct values and largest value of raw whole numbers
 _SMALLEST_MOTION = 1e-12  # range over the largest value; a smaller one is rounding
 _MOST_STILL = 20.0  # range over noise of a motor at rest (noise alone gives 9)
+_MOST_STEPS = 3  # of an encoder, between which the position of a side at rest flickers
+_MUCH_FARTHER = 20.0  # motion of the other side over those steps
 _MOST_WINDING = 0.2  # rad of deflection while the motor rests; beyond it an encoder is unplugged
 # Correlation of a position with the other one and its curvature, from which on they are of one
 # joint: 0.998 or more in 49 releases, up to 0.92 between positions of different joints.
@@ -67,13 +69,24 @@ def check_varies(log: Draft, name: str) -> None:
 
 
 def check_moves(log: Draft, name: str) -> None:
-    """Raise if a position is constant except for white noise."""
+    """Raise if a position is constant except for white noise, or for a few counts."""
+    size, kind = 0.0, ""
     if is_noise(log[name]):
-        raise _constant_error(
-            log,
-            name,
-            f"constant but for noise of {np.std(log[name]):.2g} {log.channels[name].unit}",
-        )
+        size, kind = np.std(log[name]), "noise"
+    elif _flickers(log, name):
+        size, kind = np.ptp(log[name]), "steps"
+    if kind:
+        what = f"constant but for {kind} of {size:.2g} {log.channels[name].unit}"
+        raise _constant_error(log, name, what)
+
+
+def _flickers(log: Draft, name: str) -> bool:
+    """Whether a position has a few steps of its encoder only, while the other side moves far."""
+    steps, extent = np.abs(np.diff(log[name])), float(np.ptp(log[name]))
+    least = float(steps.min(initial=np.inf, where=steps > 0.0))
+    others = [other for other in log.those_of(ENCODERS) if other != name]
+    far = any(np.ptp(log[other]) > _MUCH_FARTHER * extent for other in others)
+    return far and extent < (_MOST_STEPS + 0.5) * least  # steps are rounded
 
 
 def is_resting(log: Draft) -> bool:

@@ -16,6 +16,7 @@ from flexid.recording.sampling import FEWEST_SAMPLES, are_gaps
 from flexid.recording.velocities import position_noise
 
 TURN = 2.0 * np.pi  # rad
+CUT_AT_SEAM = "as where logs were joined, so the log was cut there"  # a stream is not cut
 _FEW_VALUES = 20  # distinct values up to which large steps are due to a coarse encoder
 _LARGER = 5.0  # a jump over the largest step nearby; three lost samples make one 4 times as long
 _ALSO = 2.0  # the same at a place where the other position clearly jumps
@@ -23,6 +24,8 @@ _NEARBY = 8  # changes of the position on either side; a change back among them 
 _CLEAR = 20.0  # least jump over the noise: six steps of a coarse encoder
 _LEAST = 0.005  # of a position's range: dry friction causes smaller jumps, which matter little
 _SHORTEST_PART = 2.0  # s from jump to jump on average: with more jumps, the motion itself is rough
+_SIMILAR = 2.0  # ratio of the largest of three jumps to the smallest: those of joined logs differ
+_SAME = 0.2  # difference of both positions' jumps over the larger one, where logs were joined
 
 
 def find_seams(logs: Sequence[Draft]) -> None:
@@ -32,31 +35,61 @@ def find_seams(logs: Sequence[Draft]) -> None:
     seams: set[int] = set()
     for log in logs:
         moved = [name for name in log.those_of(ENCODERS) if np.ptp(log[name])]
-        jumps = {name: _jumps(log, name, _LARGER) for name in moved}
-        clear = set[int]().union(*jumps.values())
-        if len(clear) * _SHORTEST_PART > log.time[-1] - log.time[0]:
-            continue
-        common = clear.intersection(*(_jumps(log, name, _ALSO) for name in moved))
+        common, alone = _sorted_jumps(log, moved)
         if common:
             log.warn(
                 moved,
-                f"every position jumps within one sample {_by_at(log, moved, common)}, as where "
-                f"logs were joined, so the log was cut there: join logs with a pause in the time, "
-                f"or check the encoders",
+                f"every position jumps within one sample {_by_at(log, moved, common)}, "
+                f"{CUT_AT_SEAM}: join logs with a pause in the time, or check the encoders",
                 Rank.DATA,
             )
-        for name in moved:
-            if alone := jumps[name] - common:
-                log.warn(
-                    name,
-                    f"{name} jumps within one sample {_by_at(log, [name], alone)}, and the other "
-                    f"position hardly does, as if the encoder slipped or was reset, or logs were "
-                    f"joined: identify the parts before and after separately",
-                    Rank.DATA,
-                )
+        for name, places in alone.items():
+            log.warn(
+                name,
+                f"{name} jumps within one sample {_by_at(log, [name], places)}, and the other "
+                f"position hardly does, as if the encoder slipped or was reset, or logs were "
+                f"joined: identify the parts before and after separately",
+                Rank.DATA,
+            )
         seams |= common
     for log in logs:
         log.seams = np.array(sorted(seams), dtype=np.int64)
+
+
+def _sorted_jumps(log: Draft, moved: Sequence[str]) -> tuple[set[int], dict[str, set[int]]]:
+    """Samples after which all positions of a joint jump, and after which only one does."""
+    with np.errstate(all="ignore"):  # values are not yet checked
+        values = {name: _unwrapped(log, name)[0] for name in moved}
+    jumps = {name: _jumps(log.time, values[name], _LARGER) for name in moved}
+    clear = set[int]().union(*jumps.values())
+    if any(_recur(np.diff(values[name])[sorted(places)]) for name, places in jumps.items()):
+        return set(), {}
+    also = [_jumps(log.time, values[name], _ALSO) for name in moved]
+    common = clear.intersection(*also)
+    most = (log.time[-1] - log.time[0]) / _SHORTEST_PART
+    if len(clear) > max(float(bool(common)), most):  # a short log may have one seam
+        return set(), {}
+    far = {place for place in clear if _is_overflow(log, values, place, place in common)}
+    alone = {name: places - common - far for name, places in jumps.items()}
+    return common - far, {name: places for name, places in alone.items() if places}
+
+
+def _recur(steps: FloatArray) -> bool:
+    """Whether three jumps are of similar size, as those of a motion or of a counter."""
+    sizes = np.sort(np.abs(steps))
+    return bool(np.any(sizes[2:] < _SIMILAR * sizes[:-2]))
+
+
+def _is_overflow(log: Draft, values: dict[str, FloatArray], place: int, together: bool) -> bool:
+    """Whether one position jumps by so much that a counter may overflow, unlike the other one."""
+    steps = np.array([own[place + 1] - own[place] for own in values.values()])
+    ranges = np.array([np.ptp(own) for own in values.values()])
+    farthest = 0.5 * (np.minimum(ranges, TURN) if log.joint == "revolute" else ranges)
+    if not np.any(np.abs(steps) > farthest):
+        return False
+    # The spring moves both sides together where logs were joined.
+    is_same = len(steps) == 2 and np.ptp(steps) < _SAME * np.abs(steps).max()
+    return not (together and is_same)
 
 
 def _by_at(log: Draft, names: Sequence[str], places: set[int]) -> str:
@@ -66,16 +99,17 @@ def _by_at(log: Draft, names: Sequence[str], places: set[int]) -> str:
     return f"(by up to {size:.3g} {log.channels[names[0]].unit} at {log.at(before + 1)})"
 
 
-def _jumps(log: Draft, name: str, larger: float) -> set[int]:
+def _jumps(time: FloatArray, values: FloatArray, larger: float) -> set[int]:
     """Samples after which a position's step is larger than those nearby, by a factor."""
     with np.errstate(all="ignore"):  # values are not yet checked
-        values = _unwrapped(log, name)[0]
         steps = np.abs(np.diff(values))
         least = max(_CLEAR * position_noise(values), _LEAST * float(np.ptp(values)))
-    steps[are_gaps(log.time)] = 0.0
+    steps[are_gaps(time)] = 0.0
     # A sensor that is read at a lower rate than the log changes in some samples only.
     changes = np.flatnonzero(steps)
     sizes = steps[changes]
+    if len(sizes) <= 2 * _NEARBY:
+        return set()
     places = np.flatnonzero(sizes[_NEARBY : len(sizes) - _NEARBY] > least) + _NEARBY
     for away in (-1, 1):  # the closest changes leave few places
         places = places[sizes[places] > larger * sizes[places + away]]
