@@ -132,9 +132,9 @@ def identify(
 
 def _may_be_rigid(job: Job) -> bool:
     """Whether a flexible joint may be taken as rigid, since the user asked nothing else."""
-    settings, clamped = job.settings, job.recordings.recorded[0].clamped
+    settings = job.settings
     is_free = settings.model == settings.terms == "auto" and not (settings.known or settings.bounds)
-    return job.joint.kind == "flexible" and is_free and not clamped
+    return job.joint.kind == "flexible" and is_free and not job.clamped
 
 
 def _verdicts(found: Identification) -> set[Verdict]:
@@ -229,8 +229,7 @@ def _with_neglected_deflection(
 
 def _moving_channels(job: Job, validation: Validation) -> dict[str, float]:
     """Return the fits in per cent of the channels that are not clamped."""
-    clamped = job.recordings.recorded[0].clamped
-    return {name: fit for name, fit in validation.fit_percent.items() if name not in clamped}
+    return {name: fit for name, fit in validation.fit_percent.items() if name not in job.clamped}
 
 
 class _Numbers(NamedTuple):
