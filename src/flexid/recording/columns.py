@@ -235,12 +235,12 @@ class _Plan:
         short = {h: self.table.short_name(h) for h in self._unmapped() if h not in taken}
         ignored = common_words(short.values())
         usual = {h: one for h, name in short.items() if (one := named_channel(name, ignored))}
-        joint = self._joint_of(usual)
+        joints = {"", *(self._mapped_numbers() or [self._joint_of(usual)])}
         measured: dict[str, list[Recipe]] = {}
         filtered: dict[str, list[Recipe]] = {}
         commanded: dict[str, list[Recipe]] = {}
         for header, one in usual.items():
-            if one.joint in ("", joint):
+            if one.joint in joints:
                 recipe = recipe_of_column(self.table, header, one.unit)
                 kind = (measured, filtered, commanded)[one.precedence]
                 kind.setdefault(one.channel, []).append(recipe)
@@ -271,6 +271,12 @@ class _Plan:
                 own = {name: one for name, one in other.items() if name in drives}
                 found |= {**force, **own} if moves == "prismatic" else own
         return found
+
+    def _mapped_numbers(self) -> list[str]:
+        """Numbers in the name of a mapped motor position; one of them may be its joint's."""
+        motor = self.mapped.get("motor_position")
+        headers = [] if motor is None else [*motor.weights]
+        return [n for header in headers for n in re.findall(r"\d+", split_header(header)[0])]
 
     def _joint_of(self, usual: Mapping[str, Usual]) -> str:
         """Number of the joint in the names of positions, if any; raise if there are several."""
