@@ -39,7 +39,7 @@ from flexid.recording.recording import (
     Channel,
     si_units,
 )
-from flexid.recording.sides import name_sides
+from flexid.recording.sides import drop_copies, name_sides
 from flexid.recording.table import Clock, Table, is_stamp
 from flexid.recording.units import is_relative, quantity_of
 
@@ -245,6 +245,8 @@ class _Plan:
                 kind = (measured, filtered, commanded)[one.precedence]
                 kind.setdefault(one.channel, []).append(recipe)
         drives = {*INPUTS, "force"}
+        given = {*self.found, *self.map.recipes} - self.map.clamped
+        drop_copies(filtered, {*given, *measured})
         found = {name: own for name, own in filtered.items() if name not in drives} | measured
         # Columns in absolute units take precedence over counts and percentages.
         plain = {
@@ -254,7 +256,6 @@ class _Plan:
         found = {name: plain[name] or own for name, own in found.items()}
         if any(plain.get(name) for name in INPUTS):
             found = {n: own for n, own in found.items() if n not in INPUTS or plain[n]}
-        given = {*self.found, *self.map.recipes} - self.map.clamped
         self.guessed = name_sides(found, given)
         known = {*given, *found}
         places = [recipe for name, own in found.items() if "position" in name for recipe in own]

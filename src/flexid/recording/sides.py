@@ -31,6 +31,14 @@ def name_sides(found: dict[str, list[Recipe]], given: Collection[str]) -> list[s
     return guessed
 
 
+def drop_copies(filtered: dict[str, list[Recipe]], measured: Collection[str]) -> None:
+    """Drop filtered columns that may be copies of a measured side, since they name no side."""
+    for name in ("position", "velocity"):
+        if name in filtered and {f"motor_{name}", f"link_{name}"} & {*measured}:
+            sided = [one for one in filtered.pop(name) if _names_side(one.header)]
+            filtered |= {name: sided} if sided else {}
+
+
 def _assign_pairs(found: dict[str, list[Recipe]], given: Collection[str]) -> list[str]:
     """Assign two positions, or two velocities, of which one name is nearer to the motor."""
     guessed = []
@@ -67,6 +75,12 @@ def _is_behind(column: Recipe) -> bool:
     """Whether a name is that of a part behind the spring, if the other side is the motor's."""
     words = words_of(split_header(column.header)[0])
     return words is not None and "joint" in words.sides
+
+
+def _names_side(header: str) -> bool:
+    """Whether a name has a word for a side of the joint, if only for a joint or a capstan."""
+    words = words_of(split_header(header)[0])
+    return words is not None and bool(words.sides)
 
 
 def _side_of_bare(known: Set[str], count: int) -> str:
