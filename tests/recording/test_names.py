@@ -148,6 +148,9 @@ NAMED: dict[str, dict[str, Any]] = {
         "vel_lpf": SPEED,
         "tau": TORQUE,
     },
+    "a voltage and a PWM's": {"t": TIME, "pos": MOTOR, "PWM voltage": SPEED, "voltage": TORQUE},
+    "a position and a scale": {"t": TIME, "scale [mm]": LINK, "pos [mm]": MOTOR, "force": TORQUE},
+    "a drum and a scale": {"t": TIME, "scale [mm]": LINK, "drum pos [mm]": MOTOR, "force": TORQUE},
     "a mark before encoders": named(
         link_position="AZ_AXIS_ENC", motor_position="AZ_MOTOR_ENC", motor_torque="AZ_TRQ_CMD"
     ),

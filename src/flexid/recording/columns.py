@@ -336,15 +336,18 @@ class _Plan:
 
 
 def _likely(missing: Iterable[str], columns: Collection[str]) -> Iterator[tuple[str, str]]:
-    """Yield missing channels with columns whose names contain the word for their quantity."""
+    """Yield missing channels with columns whose names have a word for their quantity."""
     for label in missing:
         name = label.partition(" ")[0]
         for header in columns:
             words, kind = words_of(split_header(header)[0]), name.rpartition("_")[2]
-            # In "voltage q" the q denotes an axis, not a position.
+            if words is None or kind not in words.quantities:
+                continue
+            # In "voltage q" the q denotes an axis, not a position. A filtered position without a
+            # side may be the motor's.
             others = {"torque", "current", "voltage"} - {kind}
-            found = {*(words.quantities if words is not None else ())}
-            if kind in found and others.isdisjoint(found):
+            others |= {"motor", "filtered"} if name == "link_position" else set()
+            if others.isdisjoint(words.kinds):
                 yield name, header
 
 

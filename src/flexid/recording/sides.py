@@ -6,6 +6,8 @@ from flexid.recording.names import split_header, words_of
 from flexid.recording.recipes import Recipe
 from flexid.recording.recording import POSITIONS, VELOCITIES
 
+_YIELDING = {"pwm", "scale"}  # words of names that yield to a plain one
+
 
 def name_sides(found: dict[str, list[Recipe]], given: Collection[str]) -> list[str]:
     """Assign quantities without a side to channels in `found`; return channels that are guesses.
@@ -13,6 +15,7 @@ def name_sides(found: dict[str, list[Recipe]], given: Collection[str]) -> list[s
     Channels in `given` have columns already.
     """
     guessed = _assign_pairs(found, given)
+    found |= {name: _plainest(own) for name, own in found.items()}
     known = {*given, *found}
     places = known & {*POSITIONS}
     side = _side_of_bare(places, len(found.get("position", ())))
@@ -69,6 +72,13 @@ def _by_nearness(pair: list[Recipe]) -> tuple[list[Recipe], list[Recipe]]:
         are_near = [each is not None and "transmission" in each.sides for each in words]
     near = [one for one, is_near in zip(pair, are_near, strict=True) if is_near]
     return near, [one for one in pair if one not in near]
+
+
+def _plainest(columns: list[Recipe]) -> list[Recipe]:
+    """Columns with a plain name; all if none has one."""
+    words = [words_of(split_header(one.header)[0]) for one in columns]
+    are_plain = [each is None or _YIELDING.isdisjoint(each.all) for each in words]
+    return [one for one, is_plain in zip(columns, are_plain, strict=True) if is_plain] or columns
 
 
 def _is_behind(column: Recipe) -> bool:
