@@ -405,6 +405,7 @@ def test_a_clamped_link_leaves_the_motor_and_the_spring():
         assert high - low < 2e-3 * TRUTH[name], name
     assert "link_inertia" not in {*result.parameters, *result.removed}
     assert result.coefficients["theta2"].interval == (0.0, 0.0)
+    assert {*result.fit.names} == {"alpha1", "alpha2", "beta1"}
     assert result.supports()
 
 

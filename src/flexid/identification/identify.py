@@ -33,6 +33,7 @@ from flexid.identification.judgement import (
     parameter_estimates,
     widest,
     without_link,
+    without_unused_link,
 )
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.recordings import Alignment, Delay, prepare
@@ -282,6 +283,8 @@ def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
     if job.link_is_clamped:
         parameters = without_link(parameters)
         coefficients = {name: of_clamped_link(c) for name, c in coefficients.items()}
+        remaining = (*parameters.values(), *coefficients.values())
+        joined = replace(joined, estimate=without_unused_link(joined.estimate, remaining))
     against = contradicted[0] if contradicted else "" if reported.converged else _NOT_CONVERGED
     half = widest(coefficients, sizes)
 
