@@ -374,16 +374,24 @@ def test_speeds_will_do_where_no_position_was_measured(position):
         assert high - low < 0.02 * TRUTH[name], name
 
 
-def clamped(stiffer: float) -> Table:
-    """Return a motor's log in front of a clamped link, with a stiffer spring."""
+HELD = {**COEFFICIENTS, "theta1": 0.0, "theta2": 0.0}
+
+
+def driven(coefficients, size):
+    """Return the channels of a joint that a torque of several tones drives."""
     times = SAMPLE_TIME * np.arange(3000)
     tones = 2.0 * np.pi * np.geomspace(0.2, 6.0, 9)
-    torque = np.sin(np.outer(times, tones) + tones).sum(axis=1)
-    held = {**COEFFICIENTS, "theta1": 0.0, "theta2": 0.0}
-    held["alpha1"] *= stiffer
-    states = free_run(flexible_joint(), held, np.zeros(4), torque[:, None], SAMPLE_TIME)
+    torque = size * np.sin(np.outer(times, tones) + tones).sum(axis=1)
+    states = free_run(flexible_joint(), coefficients, np.zeros(4), torque[:, None], SAMPLE_TIME)
     noise = 1e-5 * np.random.default_rng(3).standard_normal(len(times))
-    channels = {"time": times, "motor_torque": torque, "motor_position": states[:, 2] + noise}
+    motor, link = states[:, 2] + noise, states[:, 0] + np.any(states[:, 0]) * noise[::-1]
+    return {"time": times, "motor_torque": torque, "motor_position": motor, "link_position": link}
+
+
+def clamped(stiffer: float) -> Table:
+    """Return a motor's log in front of a clamped link, with a stiffer spring."""
+    channels = driven({**HELD, "alpha1": stiffer * HELD["alpha1"]}, 1.0)
+    del channels["link_position"]
     return table_of_arrays(channels)
 
 
@@ -397,7 +405,27 @@ def test_a_clamped_link_leaves_the_motor_and_the_spring():
         assert high - low < 2e-3 * TRUTH[name], name
     assert "link_inertia" not in {*result.parameters, *result.removed}
     assert result.coefficients["theta2"].interval == (0.0, 0.0)
+    assert {*result.fit.names} == {"alpha1", "alpha2", "beta1"}
     assert result.supports()
+
+
+@pytest.mark.parametrize("is_one_log", [True, False], ids=["one log", "two logs"])
+def test_a_link_that_is_clamped_at_first_has_an_inertia(is_one_log):
+    """Assert that a recording with a clamped link leaves the link of the next one sought."""
+    free = driven(COEFFICIENTS, 3.0)
+    if is_one_log:  # with a pause
+        held = driven(HELD, 1.0)
+        free["time"] += held["time"][-1] + 1.0
+        both = {name: np.concatenate((held[name], free[name])) for name in held}
+        logs = [log_of_table(table_of_arrays(both))]
+    else:
+        logs = [log_of_table(clamped(1.0), {"link_position": 0.0})]
+        logs += [log_of_table(table_of_arrays(free))]
+    result = identify(logs)
+    low, high = result.parameters["link_inertia"].interval
+    assert low < TRUTH["link_inertia"] < high
+    assert result.coefficients["theta2"].reason != "given"
+    assert "link_position" in result.validation.fit_percent
 
 
 def test_the_spring_of_a_clamped_link_is_not_called_gravity():

@@ -148,6 +148,15 @@ ORIGINS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
         without(renamed(link_position="q_l_1"), "velocity") | {"q_l_2": TORQUE},
         {"motor_position": "motor_position"},
     ),
+    "another joint's load beside a map": (
+        without(renamed(link_position="q_l_1", motor_position="q_m_2"), "velocity"),
+        {"motor_position": "q_m_2"},
+    ),
+    "the load of a mapped joint": (
+        without(renamed(link_position="q_l_2", motor_position="q_m_2"), "velocity")
+        | {"q_l_1": TORQUE, "q_m_1": TORQUE},
+        {"motor_position": "q_m_2"},
+    ),
     "a stamp beside a map": (
         renamed(time="t", motor_torque="tau") | {"when": np.datetime64("2024-05-01") + STEPS},
         {"time": "t"},

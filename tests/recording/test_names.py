@@ -139,6 +139,18 @@ NAMED: dict[str, dict[str, Any]] = {
     | {"motor_strom": 2.0 * TORQUE},
     "a filtered position": named(motor_position="q_m_filtered") | {"q_m_set": 2.0 * MOTOR},
     "one beside a raw one": named(motor_position="q_m") | {"q_m_filtered": 2.0 * MOTOR},
+    "one without a side": named("link", motor_position="theta_m") | {"theta_filt": MOTOR},
+    "one of the joint": named(link_position="joint_angle_filt", motor_position="theta_m"),
+    "one alone": named("link", motor_position="position_filtered"),
+    "a filtered speed without a side": {
+        "t": TIME,
+        "MotSpd": SPEED,
+        "vel_lpf": SPEED,
+        "tau": TORQUE,
+    },
+    "a voltage and a PWM's": {"t": TIME, "pos": MOTOR, "PWM voltage": SPEED, "voltage": TORQUE},
+    "a position and a scale": {"t": TIME, "scale [mm]": LINK, "pos [mm]": MOTOR, "force": TORQUE},
+    "a drum and a scale": {"t": TIME, "scale [mm]": LINK, "drum pos [mm]": MOTOR, "force": TORQUE},
     "a mark before encoders": named(
         link_position="AZ_AXIS_ENC", motor_position="AZ_MOTOR_ENC", motor_torque="AZ_TRQ_CMD"
     ),

@@ -178,7 +178,10 @@ class ExcitationReport:
         return self.identification.warnings
 
     def supports(self, *, strict: bool = False) -> bool:
-        """Whether every value is determined or weak; if `strict`, whether all are determined."""
+        """Whether the worst verdict is determined or weak; if `strict`, whether it is determined.
+
+        As in `Identification.verdict`, unusual terms that nobody asked for do not count.
+        """
         return self.identification.supports(strict=strict)
 
 

@@ -33,6 +33,7 @@ from flexid.identification.judgement import (
     parameter_estimates,
     widest,
     without_link,
+    without_unused_link,
 )
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.recordings import Alignment, Delay, prepare
@@ -132,9 +133,9 @@ def identify(
 
 def _may_be_rigid(job: Job) -> bool:
     """Whether a flexible joint may be taken as rigid, since the user asked nothing else."""
-    settings, clamped = job.settings, job.recordings.recorded[0].clamped
+    settings = job.settings
     is_free = settings.model == settings.terms == "auto" and not (settings.known or settings.bounds)
-    return job.joint.kind == "flexible" and is_free and not clamped
+    return job.joint.kind == "flexible" and is_free and not job.clamped
 
 
 def _verdicts(found: Identification) -> set[Verdict]:
@@ -229,8 +230,7 @@ def _with_neglected_deflection(
 
 def _moving_channels(job: Job, validation: Validation) -> dict[str, float]:
     """Return the fits in per cent of the channels that are not clamped."""
-    clamped = job.recordings.recorded[0].clamped
-    return {name: fit for name, fit in validation.fit_percent.items() if name not in clamped}
+    return {name: fit for name, fit in validation.fit_percent.items() if name not in job.clamped}
 
 
 class _Numbers(NamedTuple):
@@ -283,6 +283,8 @@ def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
     if job.link_is_clamped:
         parameters = without_link(parameters)
         coefficients = {name: of_clamped_link(c) for name, c in coefficients.items()}
+        remaining = (*parameters.values(), *coefficients.values())
+        joined = replace(joined, estimate=without_unused_link(joined.estimate, remaining))
     against = contradicted[0] if contradicted else "" if reported.converged else _NOT_CONVERGED
     half = widest(coefficients, sizes)
 

@@ -5,7 +5,7 @@ error, correlated residuals and delays all widen the interval.
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
 
@@ -312,6 +312,12 @@ def of_clamped_link(coefficient: ValueEstimate) -> ValueEstimate:
         return coefficient
     exact = replace(coefficient, value=0.0, std=0.0, interval=(0.0, 0.0), slopes={})
     return replace(exact, verdict="determined", reason="given")
+
+
+def without_unused_link(estimate: Estimate, values: Iterable[ValueEstimate]) -> Estimate:
+    """Return the estimate without coefficients of the link on which no value depends."""
+    used = {name for value in values for name in value.slopes}
+    return estimate.without({n for n in estimate.names if balance_of(n) == "link"} - used)
 
 
 def _renamed(estimate: Estimate, labels: Mapping[str, str]) -> Estimate:

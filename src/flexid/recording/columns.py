@@ -39,7 +39,7 @@ from flexid.recording.recording import (
     Channel,
     si_units,
 )
-from flexid.recording.sides import name_sides
+from flexid.recording.sides import drop_copies, name_sides
 from flexid.recording.table import Clock, Table, is_stamp
 from flexid.recording.units import is_relative, quantity_of
 
@@ -235,16 +235,18 @@ class _Plan:
         short = {h: self.table.short_name(h) for h in self._unmapped() if h not in taken}
         ignored = common_words(short.values())
         usual = {h: one for h, name in short.items() if (one := named_channel(name, ignored))}
-        joint = self._joint_of(usual)
+        joints = {"", *(self._mapped_numbers() or [self._joint_of(usual)])}
         measured: dict[str, list[Recipe]] = {}
         filtered: dict[str, list[Recipe]] = {}
         commanded: dict[str, list[Recipe]] = {}
         for header, one in usual.items():
-            if one.joint in ("", joint):
+            if one.joint in joints:
                 recipe = recipe_of_column(self.table, header, one.unit)
                 kind = (measured, filtered, commanded)[one.precedence]
                 kind.setdefault(one.channel, []).append(recipe)
         drives = {*INPUTS, "force"}
+        given = {*self.found, *self.map.recipes} - self.map.clamped
+        drop_copies(filtered, {*given, *measured})
         found = {name: own for name, own in filtered.items() if name not in drives} | measured
         # Columns in absolute units take precedence over counts and percentages.
         plain = {
@@ -254,7 +256,6 @@ class _Plan:
         found = {name: plain[name] or own for name, own in found.items()}
         if any(plain.get(name) for name in INPUTS):
             found = {n: own for n, own in found.items() if n not in INPUTS or plain[n]}
-        given = {*self.found, *self.map.recipes} - self.map.clamped
         self.guessed = name_sides(found, given)
         known = {*given, *found}
         places = [recipe for name, own in found.items() if "position" in name for recipe in own]
@@ -271,6 +272,12 @@ class _Plan:
                 own = {name: one for name, one in other.items() if name in drives}
                 found |= {**force, **own} if moves == "prismatic" else own
         return found
+
+    def _mapped_numbers(self) -> list[str]:
+        """Numbers in the name of a mapped motor position; one of them may be its joint's."""
+        motor = self.mapped.get("motor_position")
+        headers = [] if motor is None else [*motor.weights]
+        return [n for header in headers for n in re.findall(r"\d+", split_header(header)[0])]
 
     def _joint_of(self, usual: Mapping[str, Usual]) -> str:
         """Number of the joint in the names of positions, if any; raise if there are several."""
@@ -329,15 +336,18 @@ class _Plan:
 
 
 def _likely(missing: Iterable[str], columns: Collection[str]) -> Iterator[tuple[str, str]]:
-    """Yield missing channels with columns whose names contain the word for their quantity."""
+    """Yield missing channels with columns whose names have a word for their quantity."""
     for label in missing:
         name = label.partition(" ")[0]
         for header in columns:
             words, kind = words_of(split_header(header)[0]), name.rpartition("_")[2]
-            # In "voltage q" the q denotes an axis, not a position.
+            if words is None or kind not in words.quantities:
+                continue
+            # In "voltage q" the q denotes an axis, not a position. A filtered position without a
+            # side may be the motor's.
             others = {"torque", "current", "voltage"} - {kind}
-            found = {*(words.quantities if words is not None else ())}
-            if kind in found and others.isdisjoint(found):
+            others |= {"motor", "filtered"} if name == "link_position" else set()
+            if others.isdisjoint(words.kinds):
                 yield name, header
 
 

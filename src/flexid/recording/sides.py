@@ -6,6 +6,8 @@ from flexid.recording.names import split_header, words_of
 from flexid.recording.recipes import Recipe
 from flexid.recording.recording import POSITIONS, VELOCITIES
 
+_YIELDING = {"pwm", "scale"}  # words of names that yield to a plain one
+
 
 def name_sides(found: dict[str, list[Recipe]], given: Collection[str]) -> list[str]:
     """Assign quantities without a side to channels in `found`; return channels that are guesses.
@@ -13,6 +15,7 @@ def name_sides(found: dict[str, list[Recipe]], given: Collection[str]) -> list[s
     Channels in `given` have columns already.
     """
     guessed = _assign_pairs(found, given)
+    found |= {name: _plainest(own) for name, own in found.items()}
     known = {*given, *found}
     places = known & {*POSITIONS}
     side = _side_of_bare(places, len(found.get("position", ())))
@@ -29,6 +32,14 @@ def name_sides(found: dict[str, list[Recipe]], given: Collection[str]) -> list[s
             found[name] = bare
             guessed += [name] if own == "motor" or not _is_behind(bare[0]) else []
     return guessed
+
+
+def drop_copies(filtered: dict[str, list[Recipe]], measured: Collection[str]) -> None:
+    """Drop filtered columns that may be copies of a measured side, since they name no side."""
+    for name in ("position", "velocity"):
+        if name in filtered and {f"motor_{name}", f"link_{name}"} & {*measured}:
+            sided = [one for one in filtered.pop(name) if _names_side(one.header)]
+            filtered |= {name: sided} if sided else {}
 
 
 def _assign_pairs(found: dict[str, list[Recipe]], given: Collection[str]) -> list[str]:
@@ -63,10 +74,23 @@ def _by_nearness(pair: list[Recipe]) -> tuple[list[Recipe], list[Recipe]]:
     return near, [one for one in pair if one not in near]
 
 
+def _plainest(columns: list[Recipe]) -> list[Recipe]:
+    """Columns with a plain name; all if none has one."""
+    words = [words_of(split_header(one.header)[0]) for one in columns]
+    are_plain = [each is None or _YIELDING.isdisjoint(each.all) for each in words]
+    return [one for one, is_plain in zip(columns, are_plain, strict=True) if is_plain] or columns
+
+
 def _is_behind(column: Recipe) -> bool:
     """Whether a name is that of a part behind the spring, if the other side is the motor's."""
     words = words_of(split_header(column.header)[0])
     return words is not None and "joint" in words.sides
+
+
+def _names_side(header: str) -> bool:
+    """Whether a name has a word for a side of the joint, if only for a joint or a capstan."""
+    words = words_of(split_header(header)[0])
+    return words is not None and bool(words.sides)
 
 
 def _side_of_bare(known: Set[str], count: int) -> str:

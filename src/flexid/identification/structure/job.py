@@ -93,10 +93,14 @@ class Job:
         return data_of(self.joint, recordings, groups, self.settings.given_delay)
 
     @property
+    def clamped(self) -> frozenset[str]:
+        """Positions that are constant in every recording."""
+        return frozenset.intersection(*(each.clamped for each in self.recordings.recorded))
+
+    @property
     def link_is_clamped(self) -> bool:
-        """Whether a column map states that the link of a flexible joint does not move."""
-        first = self.recordings.recorded[0]
-        return self.joint.kind == "flexible" and "link_position" in first.clamped
+        """Whether the link of a flexible joint does not move in any recording."""
+        return self.joint.kind == "flexible" and "link_position" in self.clamped
 
     @property
     def delay_in_doubt(self) -> bool:

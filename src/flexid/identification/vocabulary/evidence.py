@@ -71,6 +71,16 @@ class Estimate:
         covariance[lost, lost] = np.inf
         return replace(self, covariance=covariance)
 
+    def without(self, names: Collection[str]) -> "Estimate":
+        """Return the estimate of the other values."""
+        kept = [place for place, name in enumerate(self.names) if name not in names]
+        return Estimate(
+            tuple(self.names[place] for place in kept),
+            self.values[kept],
+            self.covariance[np.ix_(kept, kept)],
+            tuple(self.degrees_of_freedom[place] for place in kept),
+        )
+
     def widened(self, more: FloatArray) -> "Estimate":
         """Return the estimate with a covariance, shape (k, k), added where it is finite."""
         finite = np.isfinite(np.diag(self.covariance))
