@@ -138,9 +138,10 @@ def test_each_recording_has_its_own_noise_of_the_input():
 
 @pytest.mark.parametrize("seed", [2, 3])
 def test_noise_that_moves_the_drive_stays(seed):
-    """Assert that a torque with a controller's noise is taken as logged, without a doubt."""
+    """Assert that a torque with a controller's noise is taken as logged, with a doubt."""
     found = fitted_with_torque_noise(seed, 0.0, chatter=1.44)
-    assert found.input == InputChoice()
+    assert not found.input.without_noise
+    assert found.input.left == pytest.approx(1.0 / np.sqrt(3.0))
     assert abs(found.fitted.by_name["beta1"] / PUSHED["beta1"] - 1.0) < 0.01
 
 
