@@ -50,6 +50,9 @@ class Drive(NamedTuple):
     stribeck_velocity: float = 1.0  # rad/s
     stribeck_exponent: float = 2.0  # dry friction falls as exp(-|v/velocity|^exponent)
     motor_static: float = 0.0  # N m, excess of dry friction at rest over that in slip
+    load_friction: float = 0.0  # dry friction of the motor over the spring's torque
+    progressive_stiffness: float = 0.0  # N m/rad^2
+    parallel_stiffness: float = 0.0  # N m/rad, between the link and the base
     ripple_torque: float = 0.0  # N m
     ripple_number: float = 0.0  # per turn of the joint
     ripple_phase: float = 0.0
@@ -119,6 +122,7 @@ def spring_torque(drive, deflection):
             return 0.0
         deflection -= drive.half_gap * np.sign(deflection)
     torque = drive.joint_stiffness * deflection + drive.cubic_stiffness * deflection**3
+    torque += drive.progressive_stiffness * deflection * abs(deflection)
     if drive.bend > 0.0 and abs(deflection) > drive.bend:
         torque += drive.bend_stiffness * (abs(deflection) - drive.bend) * np.sign(deflection)
     return torque
@@ -137,7 +141,7 @@ def gravity_torque(drive, position):
 
 @njit(cache=True)
 def _loads(drive, state, torque):
-    """Return the torques on link and motor without Coulomb friction, and the deflection rate."""
+    """Return the torques on link and motor without dry friction, deflection rate and load."""
     q, w, p, v, _, h = state
     joint, slope = p, 1.0
     if drive.eccentricity != 0.0:
@@ -155,23 +159,26 @@ def _loads(drive, state, torque):
     damping = drive.joint_damping
     if abs(q - joint) > drive.half_gap:
         damping += drive.contact_damping
-    spring = spring_torque(drive, q - joint) + damping * rate
+    elastic = spring_torque(drive, q - joint)
+    spring = elastic + damping * rate
     spring += drive.hysteresis_torque * h
     link = drive.link_offset - gravity_torque(drive, q) - spring - drive.link_viscous * w
+    link -= drive.parallel_stiffness * q
     if drive.saturation > 0.0:
         torque *= 1.0 - drive.saturation * (torque / drive.peak_torque) ** 2
     motor = drive.motor_offset + slope * spring - drive.motor_viscous * v + torque
     if drive.ripple_torque != 0.0:
         motor += drive.ripple_torque * np.sin(drive.ripple_number * p + drive.ripple_phase)
-    return link, motor, rate
+    return link, motor, rate, drive.load_friction * abs(elastic)
 
 
 @njit(cache=True)
-def _friction(drive, mode, velocity, is_link):
+def _friction(drive, mode, velocity, load, is_link):
     """Return the dry friction of a side that slips in the direction of its mode."""
     if is_link:
         return -mode * drive.link_coulomb
     friction = -drive.motor_coulomb_up if mode > 0 else drive.motor_coulomb_down
+    friction -= mode * load
     if drive.motor_static > 0.0:
         share = (abs(velocity) / drive.stribeck_velocity) ** drive.stribeck_exponent
         friction -= mode * drive.motor_static * np.exp(-share)
@@ -181,7 +188,7 @@ def _friction(drive, mode, velocity, is_link):
 @njit(cache=True)
 def _derivative(drive, state, torque, link_mode, motor_mode):
     _, w, _, v, z, h = state
-    link, motor, rate = _loads(drive, state, torque)
+    link, motor, rate, load = _loads(drive, state, torque)
     bristle = 0.0
     if drive.bristle_stiffness > 0.0:
         level = drive.bristle_coulomb + (drive.bristle_static - drive.bristle_coulomb) * np.exp(
@@ -193,8 +200,8 @@ def _derivative(drive, state, torque, link_mode, motor_mode):
     if drive.hysteresis_torque > 0.0:
         bent = abs(h) ** drive.hysteresis_power * np.sign(h)
         hysteresis = (rate - abs(rate) * bent) / drive.hysteresis_reach
-    link = 0.0 if link_mode == 0 else link + _friction(drive, link_mode, w, True)
-    motor = 0.0 if motor_mode == 0 else motor + _friction(drive, motor_mode, v, False)
+    link = 0.0 if link_mode == 0 else link + _friction(drive, link_mode, w, load, True)
+    motor = 0.0 if motor_mode == 0 else motor + _friction(drive, motor_mode, v, load, False)
     return (w, link / drive.link_inertia, v, motor / drive.motor_inertia, bristle, hysteresis)
 
 
@@ -226,30 +233,31 @@ def _step(drive, smooth, value, time, by, state, link_mode, motor_mode):
 
 
 @njit(cache=True)
-def _mode_at_rest(drive, load, is_link):
+def _mode_at_rest(drive, torque, load, is_link):
     """Return the mode of a side at rest: 0 if it sticks, else the direction of slip."""
-    up = drive.link_coulomb if is_link else drive.motor_coulomb_up + drive.motor_static
-    down = drive.link_coulomb if is_link else drive.motor_coulomb_down + drive.motor_static
-    if load > up:
+    more = drive.motor_static + load
+    up = drive.link_coulomb if is_link else drive.motor_coulomb_up + more
+    down = drive.link_coulomb if is_link else drive.motor_coulomb_down + more
+    if torque > up:
         return 1
-    return -1 if load < -down else 0
+    return -1 if torque < -down else 0
 
 
 @njit(cache=True)
-def _over(drive, load, velocity, mode, is_link):
+def _over(drive, torque, load, velocity, mode, is_link):
     """Return whether a side has left its mode."""
     if mode == 0:
-        return _mode_at_rest(drive, load, is_link) != 0
+        return _mode_at_rest(drive, torque, load, is_link) != 0
     return mode * velocity < 0.0
 
 
 @njit(cache=True)
 def _left(drive, smooth, value, time, state, link_mode, motor_mode):
     """Return which sides have left their modes."""
-    link, motor, _ = _loads(drive, state, torque_at(smooth, value, time))
-    link_left = drive.link_coulomb > 0.0 and _over(drive, link, state[1], link_mode, True)
+    link, motor, _, load = _loads(drive, state, torque_at(smooth, value, time))
+    link_left = drive.link_coulomb > 0.0 and _over(drive, link, load, state[1], link_mode, True)
     motor_left = drive.motor_coulomb_up + drive.motor_coulomb_down > 0.0 and _over(
-        drive, motor, state[3], motor_mode, False
+        drive, motor, load, state[3], motor_mode, False
     )
     return link_left, motor_left
 
@@ -261,11 +269,11 @@ def _settled(drive, smooth, value, time, state, link_mode, motor_mode, link_left
     w = 0.0 if link_left and link_mode != 0 else w
     v = 0.0 if motor_left and motor_mode != 0 else v
     state = (q, w, p, v, z, h)
-    link, motor, _ = _loads(drive, state, torque_at(smooth, value, time))
+    link, motor, _, load = _loads(drive, state, torque_at(smooth, value, time))
     if link_left:
-        link_mode = _mode_at_rest(drive, link, True)
+        link_mode = _mode_at_rest(drive, link, load, True)
     if motor_left:
-        motor_mode = _mode_at_rest(drive, motor, False)
+        motor_mode = _mode_at_rest(drive, motor, load, False)
     return state, link_mode, motor_mode
 
 

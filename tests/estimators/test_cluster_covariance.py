@@ -106,6 +106,19 @@ def test_what_one_block_decides_is_not_shown(seen):
     assert np.all(influences[1] == 0.0)
 
 
+def test_an_invisible_unknown_hides_no_other():
+    """Assert the same result if an unknown's unit is 1e-100 of the usual one."""
+    residuals = np.random.default_rng(2).standard_normal(sum(LENGTHS))
+    usual = cluster_influences(*clusters(derivatives(), residuals))
+    small = np.array([1.0, 1.0, 1.0, 1e-100, 1.0])
+    normals, scores, segments, inverse = clusters(derivatives(), residuals)
+    scaled = normals * small[:, None] * small, scores * small, segments
+    units = small[-COMMON:, None]
+    influences, freedom = cluster_influences(*scaled, inverse / units / units.T)
+    assert influences * units == pytest.approx(usual[0], rel=1e-6)
+    assert freedom == pytest.approx(usual[1], rel=1e-6)
+
+
 def test_segments_may_be_taken_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch):
     """Assert that seven segments of two blocks give the same in parts as together."""
     blocks = np.random.default_rng(9).standard_normal((14, 10, 3))

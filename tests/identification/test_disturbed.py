@@ -30,7 +30,9 @@ from flexid.identification.estimation.disturbed_estimate import disturbed_estima
 from flexid.identification.estimation.doubts import ECCENTRICITY
 from flexid.identification.estimation.model_error import by_other_laws
 from flexid.identification.estimation.rig_errors import SHARE
+from flexid.identification.full_model.fitting import expanded
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
+from flexid.identification.full_model.starting import least_squares_start, suited_rate
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.structure import gap
@@ -308,6 +310,37 @@ def test_a_torque_tells_gravity_from_an_eccentric_encoder(size: float):
     assert abs(fitted.by_name["theta1"] - 8.0) == pytest.approx(150.0 * size, abs=0.02)
 
 
+@pytest.mark.parametrize(
+    ("size", "cable", "doubt"),
+    [(1.0, 0.0, (0.001, 0.01)), (1.0, 1.5, (1.5, 2.0)), (0.25, 0.0, (0.25, 0.3))],
+    ids=["far", "far, with a cable", "near"],
+)
+def test_a_far_motion_tells_gravity_from_a_cable(
+    size: float, cable: float, doubt: tuple[float, float]
+):
+    """Assert the doubt about gravity in 1/s²: none if the log excludes a cable, else its effect."""
+    rest: Any = {"link_push": 0.05, "motor_push": 0.3, "cable_stiffness": cable}
+    seen = pushed(3, 16.0, gravity_torque=8.0, size=size, **rest)
+    terms = structure("motor_viscous", "gravity")
+    found = fit_disturbed(terms, data(seen), (), ("cubic",), THRESHOLDS, with_shapes=False).fitted
+    row = least_squares_start(found.structure, found.data, suited_rate(found))[1].rows[0]
+    directions = estimating.by_cable(found, row)
+    assert directions is not None
+    errors = dict(zip(found.names, np.linalg.norm(directions, axis=1).tolist(), strict=True))
+    assert {name for name, error in errors.items() if error} == {"theta1"}
+    assert doubt[0] < errors["theta1"] < doubt[1]
+    assert abs(found.by_name["theta1"] - 8.0) < 2.0 * errors["theta1"]
+
+
+def test_a_cable_that_is_fitted_is_no_doubt():
+    """Assert no doubt about gravity by a cable with a term of its own."""
+    fitted = eccentric(0.0, 0.3)[0]
+    wider = replace(fitted.structure, absent=fitted.structure.absent - {"theta_parallel"})
+    row = least_squares_start(fitted.structure, fitted.data, suited_rate(fitted))[1].rows[0]
+    seen = expanded(wider.with_hold(fitted.problem.timing.hold), fitted)
+    assert estimating.by_cable(seen, row) is None
+
+
 def test_only_encoders_of_their_own_err_once_per_turn():
     """Assert that a directly measured deflection has no eccentricity that looks like gravity."""
     fitted = eccentric(0.0, 0.3)[0]
@@ -412,7 +445,7 @@ def test_a_term_whose_fits_do_not_end_is_not_taken(monkeypatch: pytest.MonkeyPat
     """Assert that a likelier fit with another term counts only if it has converged."""
     case = CASES["friction that falls"]
     plain = band.fit_in_band(case.structure, case.data, 4, {**COEFFICIENTS, "alpha_coulomb": 3.0})
-    asked = STRIBECK, "motor", plain, case.data, 4, ()
+    asked = STRIBECK, plain, case.data, 4, ()
     assert unusual_terms.with_shape(*asked).cost < plain.cost - 100.0
     monkeypatch.setattr(Fitted, "converged", property(lambda _: False))
     assert unusual_terms.with_shape(*asked) is plain

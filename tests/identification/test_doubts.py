@@ -58,7 +58,8 @@ SIDES = {**dict.fromkeys(LINK, 0.1), **dict.fromkeys(MOTOR, 0.2)}
 CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     (doubts.calibration, {}, dict.fromkeys(NAMES, 0.002)),
     (doubts.further_modes, {}, dict.fromkeys(LINK, 0.003)),
-    (doubts.cable, {}, {"theta1": 0.03 / 0.5}),
+    (doubts.cable, {"by_cable": TWICE}, {"theta1": 0.05}),
+    (doubts.cable, {}, {}),
     (doubts.eccentric_encoders, {"by_eccentricity": TWICE}, {"theta1": 0.05}),
     (doubts.eccentric_encoders, {}, {}),
     # The uncertainty of a spring is at least that of the deflection sensor's scale.

@@ -95,6 +95,17 @@ CASES = {
     "a spring that hardens": Case(
         {"cubic_stiffness": 2000.0}, ("cubic_stiffness",), {"cubic_joint_stiffness": 2000.0}
     ),
+    "friction of the load": Case(
+        {**DRY, "load_friction": 0.05},
+        ("motor_coulomb", "load_friction"),
+        {"motor_coulomb_friction": 1.0, "load_friction": 0.05},
+    ),
+    "a spring that stiffens, and one to the base": Case(
+        {"progressive_stiffness": 50.0, "parallel_stiffness": 3.0},
+        ("parallel_spring", "progressive_spring"),
+        {"progressive_stiffness": 50.0, "parallel_stiffness": 3.0},
+        accuracy=1e-3,
+    ),
     "a spring that remembers": Case(HYSTERESIS, ("spring_hysteresis",), MEMORY),
     "a torque that saturates": Case(
         {"saturation": 0.1, "peak_torque": 30.0},

@@ -40,7 +40,14 @@ from flexid.identification.full_model.starting import no_start, starts
 from flexid.identification.structure.elimination import eliminate, latest
 from flexid.identification.structure.gap import likely_play
 from flexid.identification.structure.link_delay import is_damping, shifted, skew
-from flexid.identification.structure.sought_terms import BEND, PRESLIDING, STRIBECK, TRANSMISSION
+from flexid.identification.structure.sought_terms import (
+    BEND,
+    LOADED,
+    PRESLIDING,
+    PROGRESSIVE,
+    STRIBECK,
+    TRANSMISSION,
+)
 from flexid.identification.structure.validation import Follower
 from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
@@ -124,19 +131,21 @@ def _with_unusual_terms(
 ) -> tuple[FitInBand, float]:
     """Return the fit with all unusual terms that are likely, and the spring's doubt by play."""
     # The error of a transmission hides all other laws of the spring.
-    full = with_shape(TRANSMISSION, "link", full, data, factor, kept)
+    full = with_shape(TRANSMISSION, full, data, factor, kept)
     likely = likely_play(full.fitted.structure, data)
     played, by_play = with_play(full, likely, data, factor) if likely else (full, 0.0)
-    bent = with_shape(BEND, "link", full, data, factor, kept)
-    best = min((played, bent, *with_hysteresis(full, data, factor)), key=cost_of)
+    bent = with_shape(BEND, full, data, factor, kept)
+    stiffening = with_shape(PROGRESSIVE, full, data, factor, kept)
+    best = min((played, bent, stiffening, *with_hysteresis(full, data, factor)), key=cost_of)
     if best is not played:  # another law explains what looked like play
         by_play = 0.0
     if best is bent and bent is not full:  # a bent spring may have hysteresis as well
         best = min([best, *with_hysteresis(best, data, factor)], key=cost_of)
-    falling = with_shape(STRIBECK, "motor", best, data, factor, kept)
-    best = with_shape(PRESLIDING, "motor", falling, data, factor, kept)
+    best = with_shape(LOADED, best, data, factor, kept)
+    falling = with_shape(STRIBECK, best, data, factor, kept)
+    best = with_shape(PRESLIDING, falling, data, factor, kept)
     if best is not falling:  # presliding may have hidden that friction falls
-        best = with_shape(STRIBECK, "motor", best, data, factor, kept)
+        best = with_shape(STRIBECK, best, data, factor, kept)
     return best, by_play
 
 

@@ -12,10 +12,13 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
+from flexid.estimators.normal_equations import scaled_inverse
 from flexid.estimators.samples import side_by_side
+from flexid.estimators.state_variable_filter import RowFit
 from flexid.identification.estimation.band import fit_in_band
 from flexid.identification.estimation.disturbed import Disturbed
 from flexid.identification.estimation.doubts import (
+    CABLE,
     DOUBTS,
     ECCENTRICITY,
     HIDDEN,
@@ -37,11 +40,12 @@ from flexid.identification.estimation.rig_errors import (
     with_sensor_error,
 )
 from flexid.identification.estimation.thinned_log import PER_PERIOD, thinning
+from flexid.identification.full_model.fitting import expanded
 from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.full_model.starting import least_squares_start, suited_rate
 from flexid.identification.structure.gap import with_free_width
 from flexid.identification.vocabulary.evidence import Estimate
-from flexid.models.flexible_joint import HARDENING, PLAY
+from flexid.models.flexible_joint import HARDENING, PLAY, SHAPE_TERMS
 
 _BANDS = (0.5, 2.0)  # factors of the usual number of samples per period
 
@@ -66,6 +70,7 @@ def disturbed_estimate(
         dict(found.shares),
         input_unit,
         _by_gauge(found, data),
+        by_cable(fitted, squares.rows[0]),
         by_eccentricity(fitted),
         _by_input_noise(found, logged),
         found.by_play if may_have_play else 0.0,
@@ -97,6 +102,32 @@ def _by_gauge(found: Disturbed, data: Data) -> FloatArray | None:
     return (
         np.zeros(len(found.fitted.names)) if other is None else other.values - found.fitted.values
     )
+
+
+def by_cable(fitted: Fitted, row: RowFit) -> FloatArray | None:
+    """Return errors of gravity, shape (k, 2), by a cable that pulls the link back.
+
+    `row` is the link's row of least squares. A cable has a prior size, in proportion to the link's
+    acceleration. If the link moves far, the log shows how large it is, since the torque of a cable
+    grows with the angle, that of gravity with its sine.
+    """
+    structure, (cable,) = fitted.structure, SHAPE_TERMS["parallel_spring"].link
+    gravity = np.array([name in LINK_GRAVITY for name in fitted.names])
+    if not gravity.any() or cable in fitted.names:
+        return None
+    wider = replace(structure, absent=structure.absent - {cable})
+    seen = expanded(wider.with_hold(fitted.problem.timing.hold), fitted)
+    place = seen.names.index(cable)
+    own = np.arange(len(seen.names)) != place
+    scatter = max(fitted.excess, 1.0) * _scatter(fitted)
+    information = seen.minimum.reduced.information / scatter
+    angle = fitted.problem.segments.outputs[:, 0]
+    size = CABLE * np.sqrt(np.mean(row.left_hand_side**2)) / np.std(angle)
+    information[place, place] += size**-2
+    inverse, _ = scaled_inverse(information, np.sqrt(np.diag(information)))
+    mean = inverse @ seen.minimum.reduced.scores.sum(axis=1) / scatter
+    spread = inverse[:, place] / np.sqrt(inverse[place, place])
+    return gravity[:, None] * np.column_stack((spread, mean))[own]
 
 
 def by_eccentricity(fitted: Fitted) -> FloatArray | None:

@@ -25,7 +25,7 @@ from flexid.models import flexible_joint as declared
 
 CALIBRATION = 0.002  # standard deviation over the value: no scale of a rig is known better
 _FURTHER_MODES = 0.003  # of a link's inertia, which the next bending mode increases
-_CABLE = 0.03  # torque of a cable, which acts like gravity, over the spring's torque
+CABLE = 0.03  # torque of a cable, which acts like gravity, over the link's acceleration
 ECCENTRICITY = 5e-4  # rad: 0.03 degrees, error of good encoders once per turn
 GAUGE = 0.02  # of the scale of a deflection sensor: strain gauges are calibrated to 3 or 4 %
 _LONGEST_COIL = 2e-3  # s: time constants of coils are hardly longer
@@ -64,6 +64,8 @@ class Doubted:
     input_unit: str
     # (k,): change of the values if the deflection sensor reads 1 % more; None without such a sensor
     by_gauge: FloatArray | None = None
+    # (k, 2): change of gravity by a cable that the log allows
+    by_cable: FloatArray | None = None
     # (k, 3): change of gravity by encoder errors once per turn that the log allows
     by_eccentricity: FloatArray | None = None
     by_noise: FloatArray | None = None  # (k,): error of the values by noise of the input
@@ -100,9 +102,7 @@ def further_modes(doubted: Doubted) -> FloatArray:
 
 def cable(doubted: Doubted) -> FloatArray:
     """Return errors of gravity by a cable that pulls the link back."""
-    gravity = {name: doubted.sizes.get(name, 0.0) for name in LINK_GRAVITY}
-    torques = {name: _CABLE / size for name, size in gravity.items() if size}
-    return doubted.diagonal(lambda name, _: torques.get(name, 0.0))
+    return doubted.none if doubted.by_cable is None else doubted.by_cable
 
 
 def eccentric_encoders(doubted: Doubted) -> FloatArray:

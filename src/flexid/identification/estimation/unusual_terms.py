@@ -35,6 +35,7 @@ from flexid.identification.structure.gap import (
 )
 from flexid.identification.structure.shapes import SoughtShape
 from flexid.identification.structure.sought_terms import HYSTERETIC
+from flexid.identification.vocabulary.evidence import balance_of
 from flexid.models.flexible_joint import HYSTERESIS, HYSTERESIS_GRIP, SHAPE_TERMS, SPRING, TERMS
 
 # Coefficients of the spring in the link's row, and those in the motor's row.
@@ -96,25 +97,29 @@ def with_hysteresis(fit: FitInBand, data: Data, factor: int) -> Iterator[FitInBa
     start = {**fit.fitted.by_name, HYSTERESIS_GRIP: joint.first[HYSTERESIS_GRIP]}
     for other in fits_in_band([(structure, start)], data, factor):
         likelier = other.cost < fit.cost - CHANCE
-        if likelier and _explains_more(other, fit, "link") and HYSTERETIC.is_possible(other.fitted):
+        if (
+            likelier
+            and _explains_more(other, fit, HYSTERETIC)
+            and HYSTERETIC.is_possible(other.fitted)
+        ):
             yield other
 
 
-def _explains_more(other: FitInBand, fit: FitInBand, side: str) -> bool:
-    """Whether a fit leaves clearly less of a balance's squared acceleration than another."""
-    left, before = (shares_of(each.fitted, each.sizes)[side] for each in (other, fit))
-    return left**2 < LIKELIER * before**2
+def _explains_more(other: FitInBand, fit: FitInBand, shape: SoughtShape) -> bool:
+    """Whether a fit leaves clearly less of the squared acceleration of a balance with the term."""
+    sides = {balance_of(name) for name in shape.coefficients - {shape.constant}}
+    left, before = (shares_of(each.fitted, each.sizes) for each in (other, fit))
+    return any(left[side] ** 2 < LIKELIER * before[side] ** 2 for side in sides & left.keys())
 
 
 def with_shape(
     shape: SoughtShape,
-    side: str,
     fit: FitInBand,
     data: Data,
     factor: int,
     kept: Collection[str],
 ) -> FitInBand:
-    """Return the fit with a term whose constant is sought in the balance of a side, if likelier.
+    """Return the fit with a term whose constant is sought, if likelier.
 
     Each law of the term is fitted from the constant with the least cost in a quadratic
     approximation about the fit without the term.
@@ -135,7 +140,7 @@ def with_shape(
                 freed = fit_in_band(own, data, factor, alike.fitted.by_name)
                 if not (shape.is_seen_in(alike.fitted) and shape.is_seen_in(freed.fitted)):
                     continue  # another start may lead to a possible constant
-                if _explains_more(freed, fit, side) and shape.is_plausible(freed.fitted):
+                if _explains_more(freed, fit, shape) and shape.is_plausible(freed.fitted):
                     ended = [each for each in (alike, freed) if each.fitted.converged]
                     best = min([best, *ended], key=cost_of)
                 break

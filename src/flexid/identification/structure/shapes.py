@@ -45,11 +45,11 @@ class SoughtShape:
 
     words: str  # description of the term
     coefficients: frozenset[str]  # of the term, including tied ones and the constant
-    constant: str  # the constant's name in the model
+    constant: str | None = None  # the constant's name in the model; None for a linear term
     # returns candidate values of the constant; none if nothing moves
-    candidates: Callable[[Structure, Data], list[float]]
+    candidates: Callable[[Structure, Data], list[float]] = lambda *_: [0.0]
     # returns the difference of two constants that the data clearly distinguish
-    resolution: Callable[[Joint, Data], float]
+    resolution: Callable[[Joint, Data], float] = lambda *_: 0.0
     # returns the lower limit of a visible constant
     least: Callable[[Fitted], float] = lambda _: 0.0
     in_place_of: frozenset[str] = frozenset()  # coefficients of a similar usual term
@@ -61,10 +61,12 @@ class SoughtShape:
 
     def of(self, structure: Structure) -> float:
         """Return the constant of a structure."""
-        return structure.joint.first[self.constant]
+        return structure.joint.first[self.constant] if self.constant else 0.0
 
     def put(self, structure: Structure, value: float) -> Structure:
         """Return the structure with another constant."""
+        if self.constant is None:
+            return structure
         return replace(structure, joint=structure.joint.with_widths({self.constant: value}))
 
     def held_in(self, structure: Structure) -> Structure:
@@ -94,11 +96,12 @@ class SoughtShape:
     def visible_candidates(self, fitted: Fitted) -> list[float]:
         """Return the candidates of the constant that would be visible next to a fit without it."""
         every, least = self.candidates(fitted.structure, fitted.data), self.least(fitted)
-        return [value for value in every if value > least]
+        return [value for value in every if value > least or self.constant is None]
 
     def is_seen_in(self, fitted: Fitted) -> bool:
         """Whether the constant of a fit is large enough to be visible, and its values possible."""
-        return self.of(fitted.structure) > self.least(fitted) and self.is_possible(fitted)
+        visible = self.constant is None or self.of(fitted.structure) > self.least(fitted)
+        return visible and self.is_possible(fitted)
 
     def is_in(self, fitted: Fitted) -> bool:
         """Whether a fit has the term, with fitted or given coefficients."""
@@ -280,7 +283,7 @@ def _promising(
 ) -> Iterator[tuple[float, Structure]]:
     """Yield structures with the most promising constants, each with its predicted share."""
     structure = wider.with_hold(before.structure.timing.hold)
-    if (given := structure.fixed.get(shape.constant)) is not None:
+    if (given := structure.fixed.get(shape.constant or "")) is not None:
         known = shape.put(structure, given)
         yield _promised(before, known), known
         return

@@ -31,6 +31,7 @@ from flexid.models.flexible_joint import (
     SOUGHT_CONSTANTS,
     SPRING,
     SPRING_CENTRE,
+    STIFFENING,
     STRIBECK_EXPONENT,
     STRIBECK_VELOCITY,
 )
@@ -309,6 +310,21 @@ def reflected(values: Mapping[str, float]) -> dict[str, float]:
         found |= {name: -values[name] for name in {*_BENDS, BEND_DEFLECTION} & values.keys()}
     return {name: found[name] for name in values}
 
+
+LOADED = SoughtShape(
+    "friction that grows with the load",
+    frozenset(SHAPE_TERMS["load_friction"].coefficients),
+    is_possible=lambda fitted: fitted.by_name.get("alpha_load", np.inf) > 0.0,
+)
+"""Friction of the motor in proportion to the torque of the spring."""
+
+PROGRESSIVE = SoughtShape(
+    "a spring that stiffens",
+    STIFFENING,
+    in_place_of=HARDENING,
+    is_possible=lambda fitted: all(fitted.by_name.get(name, 0.0) >= 0.0 for name in STIFFENING),
+)
+"""A spring whose stiffness grows with its deflection."""
 
 SOUGHT = (STRIBECK, RIPPLE, BEND, TRANSMISSION, PRESLIDING)
 """Terms with a constant that is sought, also where the settings require the term.
