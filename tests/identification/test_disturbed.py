@@ -130,7 +130,7 @@ CASES = {
 def fitted(name: str) -> tuple[Disturbed, Estimate]:
     """Return the fit and the estimate of a case."""
     fit = CASES[name].fit()
-    return fit, disturbed_estimate(fit, CASES[name].data, "N m")[0]
+    return fit, disturbed_estimate(fit, CASES[name].data, is_voltage=False)[0]
 
 
 def test_friction_has_the_direction_of_a_late_link(monkeypatch: pytest.MonkeyPatch):
@@ -279,7 +279,7 @@ def test_halves_of_two_drives_widen_the_interval():
     """Assert that the interval of a drifting friction contains the means of both halves."""
     case = Case(lambda: pushed(5, motor_push=0.1, drift=0.6, drift_time=8.0))
     fit = case.fit()
-    estimate = disturbed_estimate(fit, case.data, "N m")[0]
+    estimate = disturbed_estimate(fit, case.data, is_voltage=False)[0]
     half = half_widths(estimate)[estimate.names.index("alpha2")]
     warmth = 1.0 - 0.6 * (1.0 - np.exp(-np.linspace(0.0, 16.0, 1000) / 8.0))
     for mean in (warmth[:500].mean(), warmth[500:].mean()):
@@ -294,7 +294,7 @@ def eccentric(size: float, motor_push: float) -> tuple[Fitted, Estimate]:
     log = data(seen(right, error, np.zeros(len(right))))
     terms = structure("motor_viscous", "gravity")
     found = fit_disturbed(terms, log, (), ("cubic",), THRESHOLDS, with_shapes=False)
-    return found.fitted, disturbed_estimate(found, log, "N m")[0]
+    return found.fitted, disturbed_estimate(found, log, is_voltage=False)[0]
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-3, 2e-3])
@@ -464,10 +464,10 @@ def test_a_fit_whose_steps_do_not_end_is_compared_with_no_other(monkeypatch: pyt
     case, fit = CASES["a pushed link"], fitted("a pushed link")[0]
     made: list[object] = []
     monkeypatch.setattr(estimating, "_refit", lambda *given: made.append(given))
-    disturbed_estimate(fit, case.data, "N m")
+    disturbed_estimate(fit, case.data, is_voltage=False)
     assert made
     ended = len(made)
-    disturbed_estimate(replace(fit, fitted=unended(fit.fitted)), case.data, "N m")
+    disturbed_estimate(replace(fit, fitted=unended(fit.fitted)), case.data, is_voltage=False)
     assert len(made) == ended
 
 

@@ -25,7 +25,12 @@ ROOT = float(np.sqrt(3.0))
 
 
 def doubted(
-    unit: str = "N m", delay: float = DELAY, apart: float = 0.0, step: float = 1e-4, **more: Any
+    delay: float = DELAY,
+    apart: float = 0.0,
+    step: float = 1e-4,
+    *,
+    is_voltage: bool = False,
+    **more: Any,
 ) -> doubts.Doubted:
     """Return a fit with a delayed input; 10 % (link) and 20 % (motor) are unexplained."""
     values = np.array([*VALUES.values(), delay])
@@ -40,7 +45,7 @@ def doubted(
         by_name=dict(zip(NAMES, values.tolist(), strict=True)),
     )
     sizes = {name: 0.5 / value for name, value in VALUES.items()}
-    return doubts.Doubted(cast(Any, fitted), sizes, {"link": 0.1, "motor": 0.2}, unit, **more)
+    return doubts.Doubted(cast(Any, fitted), sizes, {"link": 0.1, "motor": 0.2}, is_voltage, **more)
 
 
 def shares(directions: np.ndarray, found: doubts.Doubted) -> dict[str, float]:
@@ -53,7 +58,7 @@ def shares(directions: np.ndarray, found: doubts.Doubted) -> dict[str, float]:
 CHANGE = np.array([0.0, 0.0, -9.0, 0.0, 0.0, 0.0])  # 3 % of alpha1 by 1 % of the scale
 NOISE = np.array([0.0, 0.0, -30.0, 0.0, -0.3, 0.0])
 TWICE = np.outer([1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.15, 0.2])
-EARLY = {"unit": "V", "delay": -DELAY}
+EARLY = {"is_voltage": True, "delay": -DELAY}
 SIDES = {**dict.fromkeys(LINK, 0.1), **dict.fromkeys(MOTOR, 0.2)}
 CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     (doubts.calibration, {}, dict.fromkeys(NAMES, 0.002)),
@@ -111,7 +116,7 @@ def test_errors_that_are_computed(
 ):
     """Assert which part of an error by another motion counts."""
     monkeypatch.setattr(doubts, computed, lambda _: error)
-    found = doubted("V")
+    found = doubted(is_voltage=True)
     assert shares(doubt(found), found) == pytest.approx({"alpha1": share, "beta1": share})
 
 
@@ -155,7 +160,7 @@ def test_a_lag_in_place_of_a_delay(part: float):
     true = np.polynomial.Polynomial([1.0, DELAY]) * np.polynomial.Polynomial([friction, 1.0]) + emf
     delayed = true * np.polynomial.Polynomial([1.0, -DELAY])  # exp(-T s), to first order
     inertia = delayed.coef[1] / delayed.coef[0] * viscous
-    apart = shares(doubts.coil_lag(doubted("V")), doubted("V"))
+    apart = shares(doubts.coil_lag(doubted(is_voltage=True)), doubted(is_voltage=True))
     assert 1.0 - inertia == pytest.approx(part * DELAY * viscous, rel=1e-9)
     assert apart.keys() == {*MOTOR}
     assert 1.0 - inertia <= 1.96 * apart["alpha1"] < 1.2 * DELAY * viscous
@@ -212,7 +217,7 @@ def test_halves_count_by_what_they_know(variances, share):
 
 def test_covariances_add():
     """Assert that the covariances of all doubts add up, and that the widest doubt is named."""
-    found = doubted("V")
+    found = doubted(is_voltage=True)
     known = Estimate(NAMES, found.fitted.values, np.zeros((6, 6)), (10.0,) * 6)
     simple = doubts.DOUBTS.keys() - {doubts.lag, doubts.dead_zone, doubts.term_law}
     every = [(doubts.covariance_of(doubt(found)), doubts.DOUBTS[doubt]) for doubt in simple]

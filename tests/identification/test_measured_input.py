@@ -51,6 +51,7 @@ from flexid.identification.full_model.model import Data, Fitted, Structure, data
 from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import link
 from flexid.identification.preparation.recordings import IDEAL, Amplifier
+from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.evidence import Estimate, ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.recording.recording import Recording
@@ -351,7 +352,10 @@ AMPLIFIERS: dict[str, tuple[dict[str, Any], Amplifier]] = {  # that act, and tha
     "a limit of a torque": ({"limit": 6.0, "unit": "N m"}, Amplifier(0.0, 6.0)),
     "a linear amplifier": ({}, IDEAL),
     "a dead zone that a square wave hides": ({"dead_zone": 0.4, "square": True}, IDEAL),
-    "a dead zone of a torque": ({"dead_zone": 0.4, "unit": "N m"}, IDEAL),
+    "a dead zone of a torque": ({"dead_zone": 0.4, "unit": "N m"}, Amplifier(0.4)),
+    "both of a torque": ({"dead_zone": 0.4, "limit": 6.0, "unit": "N m"}, Amplifier(0.4, 6.0)),
+    "a linear amplifier of a torque": ({"unit": "N m"}, IDEAL),
+    "a torque on a motor that sticks": ({"rests": True, "unit": "N m"}, IDEAL),
     "a motor that sticks": ({"rests": True}, IDEAL),
     "a dead zone, and a motor that sticks": ({"dead_zone": 0.15, "rests": True}, Amplifier(0.15)),
 }
@@ -376,12 +380,26 @@ def test_an_amplifier_is_found(case: str):
     if acts.get("unit", "V") == "V" and not acts.get("square"):
         gain = found.parameters["input_gain_per_motor_inertia"]
         assert gain.value == pytest.approx(GAIN, rel=0.02 if "rests" in acts else 0.01)
-    if case == "a limit of a torque":
+    if case in ("a limit of a torque", "a dead zone of a torque", "both of a torque"):
         for name in ("motor_inertia", "link_inertia", "joint_stiffness"):
             parameter = found.parameters[name]
             assert parameter.interval[0] < TRUE[name] < parameter.interval[1]
             assert 1e-3 * TRUE[name] < parameter.std < 0.02 * TRUE[name]
             assert parameter.verdict == "determined"
+
+
+def test_a_torque_by_a_voltage_has_the_doubts_of_a_voltage():
+    """Assert that only such a torque allows for a coil and unseen errors of the amplifier."""
+    torque = recorded(unit="N m")
+    by_voltage = replace(torque, from_voltage=True)
+    exact, doubted = (
+        identify([log(each)]).parameters["motor_inertia"] for each in (torque, by_voltage)
+    )
+    assert exact.std < 1e-4 * TRUE["motor_inertia"]
+    assert doubted.value == exact.value
+    assert 2e-3 * TRUE["motor_inertia"] < doubted.std < 5e-3 * TRUE["motor_inertia"]
+    alone = identify([log(by_voltage)], Settings(model="link", terms=()))
+    assert not alone.recordings[0].from_voltage
 
 
 @pytest.mark.thorough  # 6 s
@@ -418,7 +436,7 @@ def test_a_filter_is_sought_if_the_motor_is_early_or_late(monkeypatch, early, so
     monkeypatch.setattr(inputs, "_with_amplifier", lambda _, job: job)
     steps: list[str] = []
     training = SimpleNamespace(samples=[SimpleNamespace(sample_time=1e-3)])
-    about = {"input_unit": "N m", "thresholds": THRESHOLDS, "structure": None}
+    about = {"input_unit": "N m", "is_voltage": False, "thresholds": THRESHOLDS, "structure": None}
     job: Any = SimpleNamespace(**about, training=training, progress=steps.append)
     assert inputs.answer_with_amplifier(job)[2] == IDEAL
     assert bool(steps) == sought

@@ -95,6 +95,14 @@ MAPS: dict[str, tuple[dict[str, FloatArray], dict[str, Any]]] = {
         without(COLUMNS, "torque") | {"motor_current [A]": 0.5 * TORQUE},
         {"motor_torque": {"column": "motor_current", "scale": 2, "unit": "N m"}},
     ),
+    "a torque by its voltage": (
+        without(COLUMNS, "torque") | {"u": 0.5 * TORQUE},
+        {"motor_voltage": {"column": "u", "scale": "4/2", "unit": "N m"}},
+    ),
+    "a gear and a torque by its voltage": (
+        without(geared(1.5), "torque") | {"u": TORQUE / 1.5},
+        {"gear_ratio": 1.5, "motor_voltage": {"column": "u", "unit": "N m"}},
+    ),
     "a name twice": (
         COLUMNS | {"MotorTorque": 0.5 * TORQUE},
         {"motor_torque": {"column": "MotorTorque", "scale": 2}},
@@ -109,6 +117,7 @@ def test_maps_give_the_log(name: str) -> None:
     log = read_columns(columns, column_map)
     assert log.warnings == ()  # a column map allows unused columns
     (recording,) = log.recordings
+    assert recording.from_voltage == name.endswith("by its voltage")
     found = {**{one: getattr(recording, one) for one in COLUMNS if one != "motor_torque"}}
     found["motor_torque"] = recording.input
     for channel, values in found.items():

@@ -37,6 +37,14 @@ SLIDES: dict[str, tuple[dict[str, Any], dict[str, Any] | None]] = {
         axis("link_position", "m [turn]", "t [N m]", motor=-TURNS, force=-TORQUE),
         {"lead": -LEAD, "motor_position": "m", "motor_torque": "t"},
     ),
+    "a screw and a torque by its voltage": (
+        axis("link_position", "m [turn]", "u", motor=TURNS, force=0.5 * TORQUE),
+        {
+            "lead": LEAD,
+            "motor_position": "m",
+            "motor_voltage": {"column": "u", "scale": 2, "unit": "N m"},
+        },
+    ),
     "a force": (axis(*IN_TURNS, motor=TURNS), {"lead": LEAD}),
     # An absolute encoder before a screw restarts at each turn.
     "an absolute encoder": (axis(*IN_TURNS, motor=np.mod(TURNS, 1.0)), {"lead": LEAD}),
@@ -50,6 +58,19 @@ def test_units_say_that_it_slides(name: str) -> None:
     assert (recording.joint, recording.input_unit) == ("prismatic", "N")
     assert recording.link_position == pytest.approx(LINK, abs=1e-12)
     assert recording.motor_position == pytest.approx(MOTOR, abs=1e-12)
+    assert recording.input == pytest.approx(FORCE, abs=1e-9)
+
+
+@pytest.mark.parametrize("unit", ["", " [V]"])
+def test_a_lead_changes_no_voltage(unit: str) -> None:
+    """Assert that a lead does not scale a voltage, with or without a unit."""
+    columns = axis("link_position", "m [turn]", f"motor_voltage{unit}", motor=TURNS)
+    (recording,) = read_columns(columns, {"lead": LEAD, "motor_position": "m"}).recordings
+    assert (recording.joint, recording.input_unit, recording.from_voltage) == (
+        "prismatic",
+        "V",
+        False,
+    )
     assert recording.input == pytest.approx(FORCE, abs=1e-9)
 
 

@@ -257,4 +257,5 @@ def _recording_of(log: Draft, grid: Grid, part: slice) -> Recording:
         source=log.file,
         link_from_deflection="deflection" in log.channels,
         joint=log.joint,
+        from_voltage=drive == "motor_voltage" and log.channels[drive].unit != "V",
     )

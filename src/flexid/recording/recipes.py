@@ -17,6 +17,7 @@ from flexid.recording.names import cut, folded, nearest_name, quoted, split_head
 from flexid.recording.recording import (
     ENCODERS,
     GEARED,
+    INPUTS,
     LONGEST_SAMPLE_TIME,
     SHORTEST_SAMPLE_TIME,
     SI_UNITS,
@@ -317,7 +318,7 @@ def make_channel(table: Table, name: str, recipe: Recipe, clock: Clock) -> Chann
         unit = clock.unit_of_count(table, recipe.header)
     factor, si_unit, ratio = _in_si(name, recipe, unit)
     if ratio is not None:
-        factor *= ratio if name == "motor_torque" else 1.0 / ratio
+        factor *= ratio if name in INPUTS else 1.0 / ratio
     total = np.zeros(table.frame.height)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd values are refused later
         for header, weight in recipe.weights.items():
@@ -337,7 +338,7 @@ def _in_si(name: str, recipe: Recipe, unit: str | None) -> tuple[float, str, flo
     units, ratio = si_units(name, recipe.joint), recipe.ratio if name in GEARED else None
     if unit is None:
         factor, si_unit = 1.0, units[0]
-        if ratio is not None and recipe.joint == "prismatic":
+        if ratio is not None and si_unit != SI_UNITS[name][0]:
             raise recipe.refusal(
                 f"it has no unit, and the lead applies only to a motor that turns: write the unit, "
                 f"{SI_UNITS[name][0]} or {si_unit}"

@@ -89,10 +89,10 @@ SI_UNITS: dict[str, tuple[str, ...]] = {  # of a revolute joint
     "deflection": ("rad",),
     "motor_torque": ("N m", "V", "A"),
     "motor_current": ("A",),
-    "motor_voltage": ("V",),
+    "motor_voltage": ("V", "N m"),
 }
-# Channels that the gear ratio converts: angles are divided by it, the torque is multiplied.
-GEARED = ("motor_position", "motor_velocity", "motor_torque")
+# Channels that the gear ratio converts: angles are divided by it, torques are multiplied.
+GEARED = ("motor_position", "motor_velocity", "motor_torque", "motor_voltage")
 
 
 def si_units(name: str, joint: JointType) -> tuple[str, ...]:
@@ -252,6 +252,8 @@ class Recording:
         link then applies to the deflection alone.
     joint : str
         ``"revolute"``; ``"prismatic"`` where positions are in m.
+    from_voltage : bool
+        Whether an input that is no voltage was computed from one, as a torque is by a known gain.
 
     Raises
     ------
@@ -270,6 +272,7 @@ class Recording:
     source: str = ""
     link_from_deflection: bool = False
     joint: JointType = "revolute"
+    from_voltage: bool = False
 
     def __post_init__(self) -> None:
         for name in CHANNELS:

@@ -232,11 +232,11 @@ def _exact(job: Job, fits: FinalFits, validation: Validation) -> Answer:
                 fits = _fits_to_all(job, choice, fallback=False)
     job.progress("removed terms")
     estimate = with_doubts(fits, job.delay_in_doubt, thresholds)
-    reported, unit = fits.reported, job.input_unit
-    doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * (unit == "V")
+    reported = fits.reported
+    doubts = OF_AN_EXACT_FIT + OF_A_VOLTAGE * job.is_voltage
     if reported.excess > thresholds.sensor_excess:
         doubts += (another_law,)
-    doubted = Doubted(reported, {}, {}, unit)
+    doubted = Doubted(reported, {}, {}, job.is_voltage)
     errors = [(covariance_of(doubt(doubted)), DOUBTS[doubt]) for doubt in doubts]
     errors.append((covariance_of(between_lengths(fits, thresholds)), OF_A_LENGTH))
     estimate, widest = widened(estimate, errors)
@@ -300,7 +300,7 @@ def _disturbed(job: Job) -> Answer:
     fits = _fits(refitted, retreat, job)
     # Every drive has friction, and disturbances may hide it.
     hidden = hidden_covariance(fits, certain=DISSIPATIVE)
-    estimate, widest = disturbed_estimate(refitted, whole, job.input_unit, hidden)
+    estimate, widest = disturbed_estimate(refitted, whole, hidden, is_voltage=job.is_voltage)
     sample_time = refitted.fitted.data.samples[0].sample_time
     disturbances = Disturbances(refitted.shares, sample_time, refitted.input.removed_from(whole))
     found = Answer(fits, validation, estimate, disturbances, refitted.cost, widest)

@@ -51,7 +51,7 @@ _BANDS = (0.5, 2.0)  # factors of the usual number of samples per period
 
 
 def disturbed_estimate(
-    found: Disturbed, data: Data, input_unit: str, hidden: FloatArray | float = 0.0
+    found: Disturbed, data: Data, hidden: FloatArray | float = 0.0, *, is_voltage: bool
 ) -> tuple[Estimate, dict[str, str]]:
     """Return the estimate with all doubts in its covariance, and the main cause of each variance.
 
@@ -68,7 +68,7 @@ def disturbed_estimate(
         fitted,
         row_sizes(squares.rows),
         dict(found.shares),
-        input_unit,
+        is_voltage,
         _by_gauge(found, data),
         by_cable(fitted, squares.rows[0]),
         by_eccentricity(fitted),

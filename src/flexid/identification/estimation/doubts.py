@@ -61,7 +61,7 @@ class Doubted:
     fitted: Fitted  # fit of k values
     sizes: dict[str, float]  # effect of one unit of each coefficient over its row's acceleration
     shares: dict[str, float]  # unexplained over whole acceleration of each balance
-    input_unit: str
+    is_voltage: bool  # whether the input is a voltage, or was computed from one
     # (k,): change of the values if the deflection sensor reads 1 % more; None without such a sensor
     by_gauge: FloatArray | None = None
     # (k, 2): change of gravity by a cable that the log allows
@@ -141,7 +141,7 @@ def coil_lag(doubted: Doubted) -> FloatArray:
     The lag is uniformly distributed between zero and the whole delay, or half a sample if that is
     longer, since the channels may be sampled that far apart.
     """
-    if doubted.input_unit != "V":
+    if not doubted.is_voltage:
         return doubted.none
     values, timing = doubted.fitted.by_name, doubted.fitted.structure.timing
     delay = values.get(INPUT, timing.delays.get(INPUT, 0.0))
@@ -175,8 +175,7 @@ def lag(doubted: Doubted) -> FloatArray:
 
 def dead_zone(doubted: Doubted) -> FloatArray:
     """Return errors by an amplifier's dead zone, which reduces voltages."""
-    is_voltage = doubted.input_unit == "V"
-    return behind_a_dead_zone(doubted.fitted)[:, None] if is_voltage else doubted.none
+    return behind_a_dead_zone(doubted.fitted)[:, None] if doubted.is_voltage else doubted.none
 
 
 def play(doubted: Doubted) -> FloatArray:

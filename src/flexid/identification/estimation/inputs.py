@@ -27,8 +27,7 @@ def answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
     A voltage is always checked for an amplifier. A torque or a current is checked only if the
     terms alone leave more than noise.
     """
-    is_voltage = job.input_unit == "V"
-    found = None if is_voltage else answer(job)
+    found = None if job.is_voltage else answer(job)
     if found is not None and (not job.input_unit or _explains(found, job.thresholds)):
         return job, found, IDEAL
     # Imported late: a log whose terms explain it does not need these modules.
@@ -36,7 +35,7 @@ def answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
     from flexid.identification.full_model.amplifier import DrivenBalance
 
     logged, balance = job, DrivenBalance(job.structure, job.training)
-    amplifier = balance.amplifier(is_voltage=is_voltage)
+    amplifier = balance.amplifier(is_voltage=job.is_voltage)
     changes = [balance.limit_changes(amplifier)]
     if found is None or amplifier.corrects:
         job = _with_amplifier(amplifier, logged)
@@ -61,7 +60,7 @@ def answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
             else:
                 fitted = found.fits.reported
                 errors.append(lag_error(fitted, filtering.lag))
-                if is_voltage:  # a coil also delays the back-EMF, by as much
+                if job.is_voltage:  # a coil also delays the back-EMF, by as much
                     errors.append(coil_error(fitted, filtering.lag))
     estimate = found.estimate
     shares = ([change.get(name, 0.0) for name in estimate.names] for change in changes)

@@ -34,6 +34,9 @@ _RATES = (20.0, 60.0)  # 1/s, of filters whose results must agree
 # 4 % cause half of the misfit or more if the input takes all values. For a square wave they cause
 # hardly any misfit, since a dead zone only reduces its gain.
 _LEAST_SAVED = 0.1
+# The same for a torque or current, which has a dead zone only if it was computed from a voltage. In
+# 14 such logs it saved 0.75 or more, or 0.29 with a limit; in 268 other logs at most 0.06.
+_CLEARLY_SAVED = 0.25
 _REFINED = 0.01  # least relative fall when a found correction is refined
 _LAGS = np.geomspace(1e-3, 0.03, 8)  # s, time constants of filters of a logged current
 # Least share of a recording's samples on either side of a limit. A square wave is on one side only;
@@ -96,25 +99,27 @@ class DrivenBalance:
         return all(np.count_nonzero(moves) >= _FEWEST for moves in self.moves.values())
 
     def amplifier(self, *, is_voltage: bool) -> Amplifier:
-        """Return the amplifier with the limit of a log, and for a voltage also the dead zone.
+        """Return the amplifier with the dead zone and the limit of a log.
 
-        For a current or a torque, a dead zone is indistinguishable from friction. Both may be
-        commanded values, so they may have a limit.
+        A current or a torque may be a commanded value, or computed from a voltage, so it may have
+        them too.
         """
         if not self.is_enough:
             return IDEAL
 
-        corrections: dict[Literal["dead_zone", "limit"], tuple[float, float]] = {"limit": _LIMITS}
-        if is_voltage:
-            corrections = {"dead_zone": (0.0, _LARGEST_DEAD_ZONE), **corrections}
+        least = _LEAST_SAVED if is_voltage else _CLEARLY_SAVED
+        corrections: dict[Literal["dead_zone", "limit"], tuple[tuple[float, float], float]] = {
+            "dead_zone": ((0.0, _LARGEST_DEAD_ZONE), least),
+            "limit": (_LIMITS, _LEAST_SAVED),
+        }
         found, left = IDEAL, self.misfits(IDEAL)
         before = None
         while found != before:  # each is visible and correct only together with the other
             before = found
-            for field, ends in corrections.items():
+            for field, (ends, least) in corrections.items():
                 best = self.best(found, field, ends)
                 remaining = self.misfits(best)
-                saved = _LEAST_SAVED if getattr(found, field) == getattr(IDEAL, field) else _REFINED
+                saved = least if getattr(found, field) == getattr(IDEAL, field) else _REFINED
                 if _is_crossed(self.data, best) and np.all(remaining < (1.0 - saved) * left):
                     if field == "limit" and np.any(
                         remaining > (1.0 - saved) * self.sharpened(found)

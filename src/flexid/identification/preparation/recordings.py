@@ -110,7 +110,10 @@ class Amplifier:
         """Return the recording with the amplifier's output as its input."""
         if recording.input is None or not self.corrects:
             return recording
-        return replace(recording, input=self.reached(recording.input, recording.sample_time))
+        reached = self.reached(recording.input, recording.sample_time)
+        # A torque or current has no dead zone, so the logged one was computed from a voltage.
+        from_voltage = recording.from_voltage or self.dead_zone > 0.0
+        return replace(recording, input=reached, from_voltage=from_voltage)
 
 
 IDEAL = Amplifier()
@@ -218,7 +221,7 @@ def _with_channels_of(model: Kind | Auto, recording: Recording) -> Recording:
             "model", f"{recording.source} has no input, which {model} needs: give link"
         )
     if model == "link":
-        return replace(recording, input=None, input_unit="")
+        return replace(recording, input=None, input_unit="", from_voltage=False)
     return _whole_drive(recording) if model == "rigid" else recording
 
 

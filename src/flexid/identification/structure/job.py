@@ -74,6 +74,11 @@ class Job:
         return self.recordings.recorded[0].input_unit
 
     @property
+    def is_voltage(self) -> bool:
+        """Whether the input is a voltage, or was computed from one."""
+        return self.input_unit == "V" or any(own.from_voltage for own in self.recordings.recorded)
+
+    @property
     def deflection(self) -> bool:
         """Whether the deflection was measured instead of the link's position."""
         return self.recordings.recorded[0].link_from_deflection
