@@ -132,6 +132,8 @@ def _with_unusual_terms(
     """Return the fit with all unusual terms that are likely, and the spring's doubt by play."""
     # The error of a transmission hides all other laws of the spring.
     full = with_shape(TRANSMISSION, full, data, factor, kept)
+    # Friction of the load hides which spring the motor's balance shows, and the other way round.
+    full = with_shape(LOADED, full, data, factor, kept)
     likely = likely_play(full.fitted.structure, data)
     played, by_play = with_play(full, likely, data, factor) if likely else (full, 0.0)
     bent = with_shape(BEND, full, data, factor, kept)

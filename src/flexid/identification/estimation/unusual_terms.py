@@ -35,7 +35,6 @@ from flexid.identification.structure.gap import (
 )
 from flexid.identification.structure.shapes import SoughtShape
 from flexid.identification.structure.sought_terms import HYSTERETIC
-from flexid.identification.vocabulary.evidence import balance_of
 from flexid.models.flexible_joint import HYSTERESIS, HYSTERESIS_GRIP, SHAPE_TERMS, SPRING, TERMS
 
 # Coefficients of the spring in the link's row, and those in the motor's row.
@@ -107,9 +106,9 @@ def with_hysteresis(fit: FitInBand, data: Data, factor: int) -> Iterator[FitInBa
 
 def _explains_more(other: FitInBand, fit: FitInBand, shape: SoughtShape) -> bool:
     """Whether a fit leaves clearly less of the squared acceleration of a balance with the term."""
-    sides = {balance_of(name) for name in shape.coefficients - {shape.constant}}
     left, before = (shares_of(each.fitted, each.sizes) for each in (other, fit))
-    return any(left[side] ** 2 < LIKELIER * before[side] ** 2 for side in sides & left.keys())
+    sides = shape.shown_in & left.keys()
+    return any(left[side] ** 2 < LIKELIER * before[side] ** 2 for side in sides)
 
 
 def with_shape(

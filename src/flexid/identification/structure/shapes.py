@@ -56,6 +56,8 @@ class SoughtShape:
     laws: tuple[Mapping[str, float], ...] = ({},)  # values of further constants that are tried
     rare_laws: tuple[Mapping[str, float], ...] = ()  # values tried from a fit with another law
     is_possible: Callable[[Fitted], bool] = lambda _: True  # whether a fit has possible values
+    # balances of which one must show the term among disturbances
+    shown_in: frozenset[str] = frozenset({"link", "motor"})
     # whether a fit with disturbances may have the term: there much looks like it in part
     is_plausible: Callable[[Fitted], bool] = lambda _: True
 
@@ -71,6 +73,8 @@ class SoughtShape:
 
     def held_in(self, structure: Structure) -> Structure:
         """Return the structure with the constant fixed: without the term nothing determines it."""
+        if self.constant is None:
+            return structure
         return replace(structure, fixed={**structure.fixed, self.constant: self.of(structure)})
 
     def extensions(self, structure: Structure, kept: Collection[str] = ()) -> Iterator[Structure]:
@@ -283,7 +287,10 @@ def _promising(
 ) -> Iterator[tuple[float, Structure]]:
     """Yield structures with the most promising constants, each with its predicted share."""
     structure = wider.with_hold(before.structure.timing.hold)
-    if (given := structure.fixed.get(shape.constant or "")) is not None:
+    if shape.constant is None:
+        yield _promised(before, structure), structure
+        return
+    if (given := structure.fixed.get(shape.constant)) is not None:
         known = shape.put(structure, given)
         yield _promised(before, known), known
         return

@@ -37,6 +37,7 @@ from flexid.models.flexible_joint import (
 )
 
 _LINK, _MOTOR = 0, 1  # indices of rows and positions
+_BY_LINK = frozenset({"link"})  # what disturbs the motor may look like the term in its balance
 _RATES = (60.0, 200.0)  # 1/s, of the filters of least squares
 _PEAKS = 4  # most peaks of a spectrum that are tried
 _LARGEST = {"revolute": 500.0, "prismatic": 2e3 * np.pi}  # periods per turn, or per 2π m (1 mm)
@@ -166,6 +167,7 @@ TRANSMISSION = SoughtShape(
     error_numbers,
     _apart_in_number,
     lambda fitted: _FEW[-1] * _apart_in_number(fitted.structure.joint, fitted.data),
+    shown_in=_BY_LINK,
 )
 """Error of the transmission, and the number of its periods in a turn.
 
@@ -269,6 +271,7 @@ HYSTERETIC = SoughtShape(
     HYSTERESIS_GRIP,
     spring_grips,
     lambda joint, _: _NEXT_GRIP * joint.first[HYSTERESIS_GRIP],
+    shown_in=_BY_LINK,
     # a negative friction would mean a gap
     is_possible=lambda fitted: all(fitted.by_name.get(name, 0.0) >= 0.0 for name in HYSTERESIS),
 )
@@ -326,10 +329,11 @@ PROGRESSIVE = SoughtShape(
 )
 """A spring whose stiffness grows with its deflection."""
 
-SOUGHT = (STRIBECK, RIPPLE, BEND, TRANSMISSION, PRESLIDING)
-"""Terms with a constant that is sought, also where the settings require the term.
+SOUGHT = (PROGRESSIVE, STRIBECK, RIPPLE, BEND, TRANSMISSION, PRESLIDING)
+"""Terms that are tried one by one, mostly with a constant that is sought.
 
-A required hysteresis is fitted with the usual terms instead, from the grip that suits the motion.
+A required term is sought likewise, except hysteresis: it is fitted with the usual terms, from the
+grip that suits the motion.
 """
 
 SOUGHT_COEFFICIENTS = frozenset(c for shape in SOUGHT for c in shape.coefficients)
