@@ -204,55 +204,37 @@ def test_a_hold_whose_steps_do_not_end_is_no_rival(
     assert (best.structure.timing.hold, tied) == (expected, open_yet)
 
 
-@pytest.fixture
-def reported(monkeypatch):
-    """Return a function that fits to all data; the first `failing` fits fail."""
+@pytest.mark.parametrize(
+    ("failing", "insist", "ends"),
+    [(0, False, True), (1, False, False), (1, True, True), (2, True, False)],
+)
+def test_a_fit_to_all_data_begins_where_the_choice_ended(monkeypatch, failing, insist, ends):
+    """Assert the starts in order, the chosen values and the data's own, and settled shapes."""
+    tried = []
 
-    def result(failing: int, *, fallback: bool = True):
-        tried = []
+    def fit_to(structure, data, start, duration):
+        tried.append((start, duration))
+        if len(tried) <= failing:
+            raise ConvergenceError("prediction error", "nowhere")
+        return "fitted", ["shorter", "fitted"]
 
-        def fit_to(structure, data, start, duration):
-            tried.append((start, duration))
-            if len(tried) <= failing:
-                raise ConvergenceError("prediction error", "nowhere")
-            return "fitted", ["shorter", "fitted"]
-
-        def first_fits(asked, data, divisions):
-            assert (asked, divisions) == (structure, "divisions")
-            return [None, SimpleNamespace(by_name={"theta2": 2.0})]
-
-        monkeypatch.setattr(final, "fit_to", fit_to)
-        monkeypatch.setattr(final, "settled", lambda fitted: f"{fitted}, its shapes settled")
-        monkeypatch.setattr(final, "lengths", lambda *_: "divisions")
-        monkeypatch.setattr(final, "first_fits", first_fits)
-        structure = SimpleNamespace(timing=SimpleNamespace(delays={"link_delay": 0.1}))
-        before = SimpleNamespace(by_name={"theta2": 1.0})
-        choice: Any = SimpleNamespace(structure=structure, fitted=before, duration=3.0)
-        whole: Any = "all data"
-        return *final._reported(choice, whole, fallback=fallback), tried, before
-
-    return result
-
-
-@pytest.mark.parametrize("failing", [0, 1, 2])
-def test_a_fit_to_all_data_begins_where_the_choice_ended(reported, failing):
-    """Assert the starts in order: chosen values, the data's own, then the choice with a note."""
-    fitted, lengths_fitted, retreat, tried, before = reported(failing)
-    ways = [{"link_delay": 0.1, "theta2": 1.0}, {"theta2": 2.0}]
-    assert tried == [(way, 3.0) for way in ways[: failing + 1]]
-    if failing == 2:
-        assert (fitted, lengths_fitted) == (before, [before])
-        assert "before the held-out end" in retreat[0]
+    monkeypatch.setattr(final, "fit_to", fit_to)
+    monkeypatch.setattr(final, "settled", lambda fitted: f"{fitted}, its shapes settled")
+    monkeypatch.setattr(final, "lengths", lambda *_: "divisions")
+    own_start = SimpleNamespace(by_name={"theta2": 2.0})
+    monkeypatch.setattr(final, "first_fits", lambda *_: [None, own_start])
+    structure = SimpleNamespace(timing=SimpleNamespace(delays={"link_delay": 0.1}))
+    before = SimpleNamespace(by_name={"theta2": 1.0})
+    choice: Any = SimpleNamespace(structure=structure, fitted=before, duration=3.0)
+    whole: Any = "all data"
+    settled = "fitted, its shapes settled"
+    if ends:
+        assert final._reported(choice, whole, insist=insist) == (settled, ["shorter", settled])
     else:
-        settled = "fitted, its shapes settled"
-        assert (fitted, lengths_fitted, retreat) == (settled, ["shorter", settled], ())
-
-
-def test_a_fit_that_need_not_stand_is_not_begun_anew(reported):
-    """Assert that one failure ends the fit if a fit with disturbances can replace it."""
-    with pytest.raises(ConvergenceError, match="nowhere"):
-        reported(1, fallback=False)
-    assert reported(0, fallback=False)[0] == "fitted, its shapes settled"
+        with pytest.raises(ConvergenceError, match="nowhere"):
+            final._reported(choice, whole, insist=insist)
+    starts = [{"link_delay": 0.1, "theta2": 1.0}, {"theta2": 2.0}]
+    assert tried == [(start, 3.0) for start in starts[: 1 + (insist and failing > 0)]]
 
 
 @pytest.mark.parametrize("converged", [True, False])
