@@ -356,36 +356,6 @@ def test_only_what_may_stand_is_made_leaner(monkeypatch, fitted, stands):
             assert choose(exact=exact).fitted is fitted
 
 
-@pytest.mark.parametrize(
-    ("fuller", "leaner", "free_length", "duration"),
-    [
-        (1.09, 1.11, True, 1.0),
-        (1.09, 1.09, True, 2.0),
-        (1.11, 1.2, True, 2.0),
-        (1.09, 1.11, False, 2.0),
-    ],
-)
-def test_a_leaner_fit_that_lost_its_way_is_asked_over_shorter_segments(
-    monkeypatch, fuller, leaner, free_length, duration
-):
-    """Assert that shorter segments are used if only the leaner fit does not explain the log."""
-    monkeypatch.setattr(choice_module, "best_length", lambda found: found[-1])
-    monkeypatch.setattr(choice_module, "leanest", lambda full, *_: (full.structure, ()))
-    monkeypatch.setattr(choice_module, "eliminate", lambda full, *_: (full.structure, ()))
-    monkeypatch.setattr(choice_module, "settled", lambda fitted: fitted)
-    monkeypatch.setattr(choice_module, "_rivals", lambda *_: ())
-
-    def fit_like(structure, fitted, *_):
-        count = len(fitted.problem.segments)
-        return over(count, leaner if count == 1 else 1.0, structure)
-
-    monkeypatch.setattr(choice_module, "fit_like", fit_like)
-    found = over(2, 1.0), over(1, fuller)
-    by_length = FitsByLength(found, (), free_length, ("cubic",), "", exact=True)
-    choice = choice_module.choose_structure(by_length, (), False, lambda _: None)
-    assert choice.fitted.duration == duration
-
-
 def test_a_leaner_fit_may_take_rough_steps(monkeypatch):
     """Assert that a term goes although small steps fail without it."""
     full = over(1, 1.0)

@@ -16,7 +16,6 @@ from flexid.identification.full_model.amplifier import shows_saturation
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
     best_hold,
-    explains,
     is_acceptable,
 )
 from flexid.identification.full_model.fitting import ON_THE_WAY, fit_from, fit_like
@@ -81,8 +80,6 @@ def choose_structure(
     wider, asked = _wider(best, by_length, thresholds) if with_shapes else (best, by_length)
     if not exact and not is_acceptable(wider, thresholds):
         return Choice(wider.structure, wider.structure, wider, (), tuple(found), asked)
-    shorter = tuple(f for f in by_length.found if f.duration < best.duration)
-    explained = explains(best, thresholds) and by_length.free_length
     if asked.tied:  # the delay may replace another hold
         kept = {*kept, INPUT}
     structure, evidence = leanest(wider, kept, thresholds)
@@ -106,15 +103,6 @@ def choose_structure(
     fitted = best if fitted_as is structure else fit_like(structure, best)
     fitted, gone = _until_stable(fitted, structure, kept, thresholds)
     fitted, evidence = fitted or best, latest(evidence, gone)
-    if explained and fitted.excess > thresholds.sensor_excess:
-        # A needed term was lost: with few independent blocks, chance may give any value.
-        asked_for = by_length.found[-1].structure
-        lost = (asked_for.joint.shapes - asked_for.absent) & fitted.structure.absent - {*kept}
-        if lost:
-            return choose_structure(by_length, {*kept, *lost}, with_shapes, progress, thresholds)
-        if shorter:  # or a rough sum of squares misled the fit; that of shorter segments is less so
-            fewer = replace(by_length, found=shorter)
-            return choose_structure(fewer, kept, with_shapes, progress, thresholds)
     if fitted.structure.timing.hold != wider.structure.timing.hold:
         asked = by_length
     as_settled = settled(fitted)
