@@ -177,9 +177,8 @@ def test_without_insisting_the_best_is_taken_however_bad(by_length):
 def held(hold: str, cost: float, *, converged: bool = True) -> Any:
     """Return a stand-in for a fit with a hold and no delay."""
     structure = SimpleNamespace(timing=SimpleNamespace(hold=hold))
-    return made_fit(
-        cost=cost, structure=structure, names=(), converged=converged, delays={INPUT: 0.0}
-    )
+    rest = {"names": (), "scatter": np.empty(0), "delays": {INPUT: 0.0}}
+    return made_fit(cost=cost, structure=structure, converged=converged, **rest)
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,11 @@ class _Quadratic:
     def fit(self) -> SimpleNamespace:
         deviations, count = self.unit_deviations * self.spread, len(self.names)
         freedom = self.freedom if isinstance(self.freedom, tuple) else (self.freedom,) * count
-        return SimpleNamespace(covariance=np.diag(deviations**2), degrees_of_freedom=freedom)
+        return SimpleNamespace(deviations=deviations, degrees_of_freedom=freedom)
+
+    @property
+    def scatter(self) -> np.ndarray:
+        return Fitted.scatter.func(cast(Fitted, self))
 
 
 def left(
@@ -266,8 +270,9 @@ def test_unusual_terms_have_to_be_far_better_or_fewer(monkeypatch, usual, unusua
         return found and made_fit(excess, cost=found[0], names=range(found[1]))
 
     # Robust deviations are twice those of white noise, so chance gives four times as much.
-    full = made_fit(1.0, unit_deviations=np.ones(3), information=np.eye(3), values=np.ones(3))
-    full.fit = SimpleNamespace(covariance=CHANCE * np.eye(3), degrees_of_freedom=(9.0,) * 3)
+    scatter = np.full(3, CHANCE**0.5)
+    full = made_fit(1.0, scatter=scatter, information=np.eye(3), values=np.ones(3))
+    full.fit = SimpleNamespace(degrees_of_freedom=(9.0,) * 3)
     monkeypatch.setattr(elimination, "eliminate", eliminated)
     monkeypatch.setattr(elimination, "fit_like", fit)
     found = elimination.leanest(full, (), THRESHOLDS)

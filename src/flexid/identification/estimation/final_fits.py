@@ -262,7 +262,9 @@ def hidden_covariance(fits: FinalFits, certain: Collection[str] = ()) -> FloatAr
         # A difference of informations would lose the remainder to rounding.
         least = least_with(considered, information, values)
         variance = np.inf if least.free[place] else float(least.inverse[place, place])
-        seen = float(least.values[place]), _deviation(full, i, variance)
+        # The deviation next to the reported model, for correlated residuals.
+        deviation = float(np.fmax(full.scatter[i], 1.0) * np.sqrt(variance))
+        seen = float(least.values[place]), deviation
         base = name.partition("[")[0]
         mean_square = _mean_square(*seen, scale, absence=0.0 if base in certain else 1.0)
         if base in DISSIPATIVE:
@@ -271,13 +273,6 @@ def hidden_covariance(fits: FinalFits, certain: Collection[str] = ()) -> FloatAr
         shift = inverse @ information[kept, i]
         added[np.ix_(places, places)] += mean_square * np.outer(shift, shift)
     return added
-
-
-def _deviation(full: Fitted, place: int, variance: float) -> float:
-    """Return a value's standard deviation next to the reported model, for correlated residuals."""
-    robust = float(full.fit.deviations[place])
-    factor = robust / float(full.unit_deviations[place]) if full.unit_deviations[place] else 1.0
-    return max(factor if np.isfinite(factor) else 1.0, 1.0) * float(np.sqrt(variance))
 
 
 def _mean_square(value: float, deviation: float, scale: float, *, absence: float) -> float:

@@ -172,10 +172,8 @@ class _Quadratic:
 
     @classmethod
     def of(cls, full: Fitted) -> "_Quadratic":
-        robust = np.sqrt(np.diag(full.fit.covariance))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            factors = robust / full.unit_deviations
-        usable = np.isfinite(factors) & (factors > 0.0)
+        factors = full.scatter
+        usable = np.isfinite(factors)
         middle = float(np.median(factors[usable])) if usable.any() else 1.0
         freedom = np.array(full.fit.degrees_of_freedom)
         return cls(
