@@ -96,6 +96,7 @@ class Answer:
     # the unknown coefficients, of one balance or both
     doubted: frozenset[str] = POSITIVE
     prediction: str = ""  # text on how well the spring predicts the deflection
+    retreat: tuple[str, ...] = ()  # warning if the values do not come from all data
 
 
 def answer(job: Job) -> Answer:
@@ -294,13 +295,13 @@ def _disturbed(job: Job) -> Answer:
         refitted = fit_disturbed_to(fitted, whole)
     except ConvergenceError:
         refitted, whole, retreat = fitted, training, (_RETREAT,)
-    fits = _fits(refitted, retreat, job)
+    fits = _fits(refitted, job)
     # Every drive has friction, and disturbances may hide it.
     hidden = hidden_covariance(fits, certain=DISSIPATIVE)
     estimate, widest = disturbed_estimate(refitted, whole, job.input_unit, hidden)
     sample_time = refitted.fitted.data.samples[0].sample_time
     disturbances = Disturbances(refitted.shares, sample_time, refitted.input.removed_from(whole))
-    found = Answer(fits, validation, estimate, disturbances, refitted.cost, widest)
+    found = Answer(fits, validation, estimate, disturbances, refitted.cost, widest, retreat=retreat)
     return _judged(found, undisturbed, job)
 
 
@@ -313,7 +314,7 @@ def _judged(found: Answer, fitted: Fitted, job: Job) -> Answer:
     return replace(found, **own._asdict())
 
 
-def _fits(found: "Disturbed", retreat: tuple[str, ...], job: Job) -> FinalFits:
+def _fits(found: "Disturbed", job: Job) -> FinalFits:
     """Return a fit with disturbances as `FinalFits`."""
     fitted, full = found.fitted, found.full
     by_length = FitsByLength((), (), True, tuple(job.holds), _BY_DISTURBANCES)
@@ -325,7 +326,6 @@ def _fits(found: "Disturbed", retreat: tuple[str, ...], job: Job) -> FinalFits:
         job.recordings,
         fitted,
         (fitted,),
-        retreat,
         nothing,
         frozenset(),
         full,

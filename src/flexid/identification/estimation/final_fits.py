@@ -61,7 +61,6 @@ class FinalFits:
     reported: Fitted  # fit of the chosen structure
     # fits of it over segments of growing length, some longer than those of `reported`
     lengths_fitted: Sequence[Fitted]
-    retreat: tuple[str, ...]  # warning if the values do not come from all data
     error: ModelError  # model error that the residuals show
     driving: frozenset[str]  # frictions that came out negative beyond noise
     full: Fitted  # fit with all usual terms, for intervals of removed ones
@@ -171,7 +170,7 @@ def final_fits(
     rate = suited_rate(reported, filter_rate)
     full = _full(choice, reported)
     driving = driving_frictions(reported, thresholds)
-    return FinalFits(choice, recordings, reported, lengths_fitted, (), error, driving, full, rate)
+    return FinalFits(choice, recordings, reported, lengths_fitted, error, driving, full, rate)
 
 
 def with_doubts(fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds) -> Estimate:
