@@ -122,7 +122,9 @@ def answer(job: Job) -> Answer:
     well_known = 0.5 * job.thresholds.noted_width  # two deviations are half an interval
     if nearly and _core_width(nearly) <= well_known:
         return _judged(nearly, nearly.fits.choice.fitted, job)
-    disturbed = _disturbed_or_none(job)
+    disturbed = None
+    with suppress(ConvergenceError):
+        disturbed = _disturbed(job)
     if disturbed is None:
         return exact or _exact(job, fits or _fits_to_all(job, choice, insist=True), validation)
     if nearly and _core_width(nearly) <= _core_width(disturbed):
@@ -257,14 +259,6 @@ def between_lengths(fits: FinalFits, thresholds: Thresholds) -> FloatArray:
         for each in (own, *(each for each in every if each.duration != own.duration))
     )
     return between_bands(first, others)
-
-
-def _disturbed_or_none(job: Job) -> Answer | None:
-    """Return the fit with disturbances; None if it does not converge."""
-    try:
-        return _disturbed(job)
-    except ConvergenceError:
-        return None
 
 
 def _disturbed(job: Job) -> Answer:
