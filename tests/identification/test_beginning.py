@@ -242,8 +242,7 @@ def test_a_known_minimum_is_not_followed_again(monkeypatch, apart, lengths):
     monkeypatch.setattr(beginning, "fit_by_length", fit_by_length)
     starts: Any = iter([{"value": 5.0}, {"value": 5.0 + apart}])
     divisions: Any = LADDER
-    schedule = beginning._Schedule(divisions, together=1)
-    rest: Any = None, None, starts, schedule, lambda _: True
+    rest: Any = None, None, starts, divisions, 1, lambda _: True
     first, second = beginning._fits_from_starts(*rest)
     assert followed == lengths
     assert (second[-1] is first[-1]) == (lengths[1] == 1)

@@ -15,7 +15,7 @@ the log is fitted with disturbances.
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, islice, tee
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -221,12 +221,14 @@ def first_fits(
     candidates: Iterator[Mapping[str, float]] = islice(
         starts(structure, data, divisions[0]), _STARTS
     )
-    for schedule in _schedules(divisions):
+    for place in range(len(short(divisions))):
+        # The first start is enough for most logs. Longer segments show more above the noise.
+        count, together = (_TOGETHER, _TOGETHER) if place else (_STARTS, 1)
         best: list[Fitted] = []
         excessive_delays: set[str] = set()
         candidates, own = tee(candidates)
         for found in _fits_from_starts(
-            structure, data, islice(own, schedule.starts), schedule, should_continue
+            structure, data, islice(own, count), divisions[place:], together, should_continue
         ):
             if not found[-1].has_partners:
                 excessive_delays |= found[-1].excessive_delays
@@ -261,33 +263,17 @@ def no_start() -> ConvergenceError:
     )
 
 
-class _Schedule(NamedTuple):
-    """Series of fits from short segments to long ones, with the number of starts."""
-
-    divisions: Sequence[Segments]
-    starts: int = _STARTS  # number of starts that are tried
-    together: int = _TOGETHER  # number of starts that run at the same time
-
-
-def _schedules(divisions: Sequence[Segments]) -> Iterator[_Schedule]:
-    """Yield schedules, each for logs on which the ones before it fail."""
-    # The first start is enough for most logs. Longer segments show more above the noise.
-    yield _Schedule(divisions, together=1)
-    for place in range(1, len(short(divisions))):
-        yield _Schedule(divisions[place:], starts=_TOGETHER)
-
-
 def _fits_from_starts(
     structure: Structure,
     data: Data,
     candidates: Iterator[Mapping[str, float]],
-    schedule: _Schedule,
+    divisions: Sequence[Segments],
+    together: int,  # number of starts that run at the same time
     should_continue: Callable[[Fitted], bool],
 ) -> Iterator[list[Fitted]]:
     """Yield the fits from each start from which the fit over the first division succeeds."""
     # From a minimum over that division which an earlier start has reached too, its fits are
     # yielded.
-    divisions = schedule.divisions
     first = in_part(divisions[0])
 
     def fits_from(start: Mapping[str, float], known: Sequence[list[Fitted]] = ()) -> list[Fitted]:
@@ -308,7 +294,7 @@ def _fits_from_starts(
             return []
         return reached[0] if reached else found
 
-    every = [*filter(None, side_by_side(fits_from, islice(candidates, schedule.together)))]
+    every = [*filter(None, side_by_side(fits_from, islice(candidates, together)))]
     yield from every
     for start in candidates:
         if found := fits_from(start, every):
