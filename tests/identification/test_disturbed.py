@@ -451,14 +451,6 @@ def test_a_term_whose_fits_do_not_end_is_not_taken(monkeypatch: pytest.MonkeyPat
     assert unusual_terms.with_shape(*asked) is plain
 
 
-def test_where_the_best_start_runs_away_another_leads(monkeypatch: pytest.MonkeyPatch):
-    """Assert that the next start is tried if the best one diverges."""
-    usual = fitted("a pushed link")[0].fitted
-    nth_fit(monkeypatch, {1}, diverging)
-    found = CASES["a pushed link"].fit().fitted
-    assert found.values == pytest.approx(usual.values, rel=1e-3)
-
-
 def test_a_fit_whose_steps_do_not_end_is_compared_with_no_other(monkeypatch: pytest.MonkeyPatch):
     """Assert that halves and other bands are fitted only for a converged fit."""
     case, fit = CASES["a pushed link"], fitted("a pushed link")[0]

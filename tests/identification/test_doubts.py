@@ -234,8 +234,7 @@ def quadratic(names, information, values, robust=1.0) -> Any:
         names=tuple(names),
         information=np.asarray(information, dtype=np.float64),
         values=np.asarray(values, dtype=np.float64),
-        unit_deviations=unit,
-        fit=SimpleNamespace(deviations=robust * unit),
+        scatter=np.full(len(unit), robust),
         minimum=SimpleNamespace(reduced=SimpleNamespace(values_step=np.zeros(len(names)))),
     )
 

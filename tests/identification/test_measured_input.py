@@ -542,7 +542,8 @@ def answered(
     return SimpleNamespace(
         disturbances=SimpleNamespace(sample_time=sample_time) if np.isfinite(cost) else None,
         cost=cost,
-        fits=SimpleNamespace(reported=SimpleNamespace(excess=excess), retreat=retreat),
+        fits=SimpleNamespace(reported=SimpleNamespace(excess=excess)),
+        retreat=retreat,
     )
 
 

@@ -290,7 +290,7 @@ def test_a_fit_of_short_segments_gives_way_to_disturbances(
         ("_exact_fits", fits),
         ("_exact", exact),
         ("delay_doubts", ()),
-        ("_disturbed_or_none", other),
+        ("_disturbed", other),
     ):
         monkeypatch.setattr(answers, name, lambda *_, result=result, **__: result)
     monkeypatch.setattr(answers, "_core_width", lambda found: disturbed if found is other else 0.1)

@@ -167,6 +167,12 @@ class SegmentedMotion:
             return states
         return np.pad(states[:, :rows], ((0, 0), (0, self._kernel.N_STATES - rows)))
 
+    def driven_by(self, signal: FloatArray) -> "SegmentedMotion":
+        """Return the problem with another first input, shape (n_samples,)."""
+        inputs = self.segments.inputs.copy()
+        inputs[:, 0] = signal
+        return replace(self, segments=replace(self.segments, inputs=inputs))
+
     def delays(self, values: FloatArray) -> dict[str, float]:
         """Return every delay in s at some values of the unknowns."""
         k = len(self.unknowns.names)

@@ -186,7 +186,7 @@ def _identified(job: Job, logs: Sequence[Log], dropped: Sequence[str]) -> Identi
                 *_clock_warnings(job, logs),
                 *found.doubts,
                 *bending,
-                *cautions(Rank.MODEL, fits.retreat),
+                *cautions(Rank.MODEL, found.retreat),
                 *cautions(Rank.SCALE, (*numbers.contradicted, *numbers.against)),
                 *amplifier_warnings(amplifier, job.input_unit),
                 *sign_warnings(_with_known_sign(numbers.coefficients, found), fits.driving),

@@ -39,9 +39,9 @@ from flexid.recording.recording import (
     Channel,
     si_units,
 )
-from flexid.recording.sides import drop_copies, name_sides
+from flexid.recording.sides import drop_copies, likely_deflection, name_sides, several, stated_guess
 from flexid.recording.table import Clock, Table, is_stamp
-from flexid.recording.units import is_relative, quantity_of
+from flexid.recording.units import is_relative
 
 if TYPE_CHECKING:
     import polars
@@ -187,7 +187,7 @@ class _Plan:
             columns = self._one_time(columns) if name == "time" else columns
             if len(columns) > 1 and not self.is_mapped:
                 headers = [column.header for column in columns]
-                raise self._refusal(_several(name, headers, bare=name in self.guessed))
+                raise self._refusal(several(name, headers, is_guess=name in self.guessed))
             if len(columns) == 1:
                 added[name] = columns[0]
         if "time" not in {*skipped, *added}:
@@ -203,14 +203,7 @@ class _Plan:
             f"{recipe.unit or si_units(name, joint)[0]}"
             for name, recipe in added.items()
         )
-        # Of one encoder, the side is no guess.
-        has_link = not {"link_position", "link_velocity"}.isdisjoint({*self.found, *self.mapped})
-        guesses = [
-            f"{added[name].header!r} is the {name.partition('_')[0]}'s"
-            for name in self.guessed
-            if has_link and name in added
-        ]
-        guess = f"that {' and '.join(guesses)} is a guess: " if guesses else ""
+        guess = stated_guess(self.guessed, added, {*self.found, *self.mapped})
         self.warnings.append(
             f"taken by name: {shown}; {guess}check it, or define the columns in a column map"
         )
@@ -318,9 +311,7 @@ class _Plan:
             what = ARGUMENT if self.map.file == ARGUMENT else f"the column map {self.map.file}"
         found = f"found {self.table.listing}"
         likely = next((f", as {name} = {header!r}" for name, header in _likely(missing, bare)), "")
-        alpha = next((header for header in bare if _is_angle(header, "alpha")), "")
-        has_theta = any(_is_angle(header, "theta") for header in self.table.names)
-        if alpha and has_theta and _LINK in missing:
+        if _LINK in missing and (alpha := likely_deflection(bare, self.table.names)):
             likely = f", as deflection = {alpha!r} if it is the arm's angle relative to the motor"
         if is_optional:
             only = "rigid joint" if missing == [_LINK] else "link"
@@ -349,30 +340,6 @@ def _likely(missing: Iterable[str], columns: Collection[str]) -> Iterator[tuple[
             others |= {"motor", "filtered"} if name == "link_position" else set()
             if others.isdisjoint(words.kinds):
                 yield name, header
-
-
-def _is_angle(header: str, letter: str) -> bool:
-    """Whether a name is a letter alone, in the unit of an angle.
-
-    In Quanser's logs of a flexible joint, theta is the motor's angle and alpha the deflection. In
-    those of a pendulum, alpha is an angle without a spring.
-    """
-    bare, unit = split_header(header)
-    words = words_of(bare)
-    is_angle = unit is None or quantity_of(unit) == "position"
-    return words is not None and words.all == (letter,) and is_angle
-
-
-def _several(name: str, headers: list[str], *, bare: bool) -> str:
-    """Reason for refusing several columns of one channel, whose side the names may not state."""
-    which = f"{quoted(headers)} could each be {name}"
-    if bare and name == "motor_position" and len(headers) == 2:
-        motor, link = map(repr, headers)
-        return (
-            f"{which}: assign both in a column map, as motor_position = {motor} and link_position "
-            f"= {link}, or the other way round"
-        )
-    return f"{which}: rename the one that is, or assign it in a column map"
 
 
 def _has_stamps(column: polars.Series) -> bool:

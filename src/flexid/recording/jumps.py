@@ -16,7 +16,6 @@ from flexid.recording.sampling import FEWEST_SAMPLES, are_gaps
 from flexid.recording.velocities import position_noise
 
 TURN = 2.0 * np.pi  # rad
-CUT_AT_SEAM = "as where logs were joined, so the log was cut there"  # a stream is not cut
 _FEW_VALUES = 20  # distinct values up to which large steps are due to a coarse encoder
 _LARGER = 5.0  # a jump over the largest step nearby; three lost samples make one 4 times as long
 _ALSO = 2.0  # the same at a place where the other position clearly jumps
@@ -28,8 +27,9 @@ _SIMILAR = 2.0  # ratio of the largest of three jumps to the smallest: those of 
 _SAME = 0.2  # difference of both positions' jumps over the larger one, where logs were joined
 
 
-def find_seams(logs: Sequence[Draft]) -> None:
+def find_seams(logs: Sequence[Draft], *, is_stream: bool) -> None:
     """Mark where all positions of a joint jump; warn of this, and of one position that jumps."""
+    action = "but a stream is not cut there" if is_stream else "so the log was cut there"
     if len(logs[0].time) < FEWEST_SAMPLES:
         return
     seams: set[int] = set()
@@ -39,8 +39,9 @@ def find_seams(logs: Sequence[Draft]) -> None:
         if common:
             log.warn(
                 moved,
-                f"every position jumps within one sample {_by_at(log, moved, common)}, "
-                f"{CUT_AT_SEAM}: join logs with a pause in the time, or check the encoders",
+                f"every position jumps within one sample {_by_at(log, moved, common)}, as where "
+                f"logs were joined, {action}: join logs with a pause in the time, or check the "
+                f"encoders",
                 Rank.DATA,
             )
         for name, places in alone.items():
@@ -60,12 +61,15 @@ def _sorted_jumps(log: Draft, moved: Sequence[str]) -> tuple[set[int], dict[str,
     """Samples after which all positions of a joint jump, and after which only one does."""
     with np.errstate(all="ignore"):  # values are not yet checked
         values = {name: _unwrapped(log, name)[0] for name in moved}
-    jumps = {name: _jumps(log.time, values[name], _LARGER) for name in moved}
+    ratios = {name: _jumps(log.time, values[name]) for name in moved}
+    jumps = {
+        name: {place for place, ratio in own.items() if ratio > _LARGER}
+        for name, own in ratios.items()
+    }
     clear = set[int]().union(*jumps.values())
     if any(_recur(np.diff(values[name])[sorted(places)]) for name, places in jumps.items()):
         return set(), {}
-    also = [_jumps(log.time, values[name], _ALSO) for name in moved]
-    common = clear.intersection(*also)
+    common = clear.intersection(*ratios.values())
     most = (log.time[-1] - log.time[0]) / _SHORTEST_PART
     if len(clear) > max(float(bool(common)), most):  # a short log may have one seam
         return set(), {}
@@ -99,8 +103,8 @@ def _by_at(log: Draft, names: Sequence[str], places: set[int]) -> str:
     return f"(by up to {size:.3g} {log.channels[names[0]].unit} at {log.at(before + 1)})"
 
 
-def _jumps(time: FloatArray, values: FloatArray, larger: float) -> set[int]:
-    """Samples after which a position's step is larger than those nearby, by a factor."""
+def _jumps(time: FloatArray, values: FloatArray) -> dict[int, float]:
+    """Samples after which a position's step is larger than those nearby, with the ratio."""
     with np.errstate(all="ignore"):  # values are not yet checked
         steps = np.abs(np.diff(values))
         least = max(_CLEAR * position_noise(values), _LEAST * float(np.ptp(values)))
@@ -109,13 +113,16 @@ def _jumps(time: FloatArray, values: FloatArray, larger: float) -> set[int]:
     changes = np.flatnonzero(steps)
     sizes = steps[changes]
     if len(sizes) <= 2 * _NEARBY:
-        return set()
+        return {}
     places = np.flatnonzero(sizes[_NEARBY : len(sizes) - _NEARBY] > least) + _NEARBY
     for away in (-1, 1):  # the closest changes leave few places
-        places = places[sizes[places] > larger * sizes[places + away]]
+        places = places[sizes[places] > _ALSO * sizes[places + away]]
     nearby = sliding_window_view(np.pad(sizes, _NEARBY), 2 * _NEARBY + 1)[places].copy()
     nearby[:, _NEARBY] = 0.0
-    return set(changes[places[sizes[places] > larger * nearby.max(axis=1)]].tolist())
+    with np.errstate(all="ignore"):
+        ratios = sizes[places] / nearby.max(axis=1)
+    large = ratios > _ALSO
+    return dict(zip(changes[places[large]].tolist(), ratios[large].tolist(), strict=True))
 
 
 def unwrap(log: Draft) -> str:

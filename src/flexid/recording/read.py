@@ -58,17 +58,19 @@ def tables_of_file(path: Path, columns: MapSource | None, size: int | None) -> G
         yield from Signals(reading, columns).tables(size)
 
 
-def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
-    """Return the log in the columns of a file, as `read_log` does."""
-    return logs_of_joints([(table, columns)])[0]
+def log_of_table(table: Table, columns: MapSource | None = None, *, is_stream: bool = False) -> Log:
+    """Return the log in the columns of a file, as `read_log` does; or the head of a stream."""
+    return logs_of_joints([(table, columns)], is_stream=is_stream)[0]
 
 
-def logs_of_joints(parts: Sequence[tuple[Table, MapSource | None]]) -> list[Log]:
+def logs_of_joints(
+    parts: Sequence[tuple[Table, MapSource | None]], *, is_stream: bool = False
+) -> list[Log]:
     """Return the logs of joints in one file; samples that one joint lacks are removed from all."""
     drafts = [_draft_of(table, columns) for table, columns in parts]
     keep_common(drafts)
     mend(drafts)
-    find_seams(drafts)
+    find_seams(drafts, is_stream=is_stream)
     rest = [len(drafts) > 1 and checks.is_resting(draft) for draft in drafts]
     grid = even_grid(drafts)
     return [

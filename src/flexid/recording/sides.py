@@ -1,10 +1,11 @@
 """Sides of the joint to which positions and velocities belong whose names do not state one."""
 
-from collections.abc import Collection, Set
+from collections.abc import Collection, Iterable, Mapping, Set
 
-from flexid.recording.names import split_header, words_of
+from flexid.recording.names import quoted, split_header, words_of
 from flexid.recording.recipes import Recipe
 from flexid.recording.recording import POSITIONS, VELOCITIES
+from flexid.recording.units import quantity_of
 
 _YIELDING = {"pwm", "scale"}  # words of names that yield to a plain one
 
@@ -32,6 +33,51 @@ def name_sides(found: dict[str, list[Recipe]], given: Collection[str]) -> list[s
             found[name] = bare
             guessed += [name] if own == "motor" or not _is_behind(bare[0]) else []
     return guessed
+
+
+def stated_guess(
+    guessed: Iterable[str], added: Mapping[str, Recipe], channels: Collection[str]
+) -> str:
+    """Return the part of a warning that names the guessed sides of added channels, or ""."""
+    if {"link_position", "link_velocity"}.isdisjoint(channels):
+        return ""  # of one encoder, the side is no guess
+    guesses = [
+        f"{added[name].header!r} is the {name.partition('_')[0]}'s"
+        for name in guessed
+        if name in added
+    ]
+    return f"that {' and '.join(guesses)} is a guess: " if guesses else ""
+
+
+def several(name: str, headers: list[str], *, is_guess: bool) -> str:
+    """Return the reason for refusing several columns of one channel, whose side may be a guess."""
+    which = f"{quoted(headers)} could each be {name}"
+    if is_guess and name == "motor_position" and len(headers) == 2:
+        motor, link = map(repr, headers)
+        return (
+            f"{which}: assign both in a column map, as motor_position = {motor} and link_position "
+            f"= {link}, or the other way round"
+        )
+    return f"{which}: rename the one that is, or assign it in a column map"
+
+
+def likely_deflection(unused: Iterable[str], headers: Iterable[str]) -> str:
+    """Return the unused column that may be a deflection: alpha, in a log that also has theta.
+
+    In Quanser's logs of a flexible joint, theta is the motor's angle and alpha the deflection. In
+    those of a pendulum, alpha is an angle without a spring.
+    """
+    if not any(_is_angle(header, "theta") for header in headers):
+        return ""
+    return next((header for header in unused if _is_angle(header, "alpha")), "")
+
+
+def _is_angle(header: str, letter: str) -> bool:
+    """Whether a name is a letter alone, in the unit of an angle."""
+    bare, unit = split_header(header)
+    words = words_of(bare)
+    is_angle = unit is None or quantity_of(unit) == "position"
+    return words is not None and words.all == (letter,) and is_angle
 
 
 def drop_copies(filtered: dict[str, list[Recipe]], measured: Collection[str]) -> None:

@@ -1,6 +1,6 @@
 """Identification of a long log in bounded memory: choices on its head, then one streaming pass."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -32,10 +32,9 @@ from flexid.identification.vocabulary.evidence import Estimate, ValueEstimate, q
 from flexid.models.flexible_joint import SHAPE_TERMS, SMOOTHING
 from flexid.readers.formats import PARQUET
 from flexid.readers.guard import Reading
-from flexid.recording.jumps import CUT_AT_SEAM
 from flexid.recording.read import log_of_table
 from flexid.recording.recipes import MapSource
-from flexid.recording.recording import Caution, Log, Rank, cautions, rank_of, ranked
+from flexid.recording.recording import Log, Rank, cautions, ranked
 from flexid.recording.sampling import EVEN, GAP
 from flexid.recording.series import Signals, names_of
 from flexid.recording.velocities import with_velocities
@@ -80,7 +79,7 @@ def identify_stream(
             session.feed(samples)
             share = f"{100 * session.fed / all_rows:.0f} %"
             progress(f"{share} of {all_rows / 1e6:.3g} million samples")
-    result = _result(session, found, settings, _warnings_of_head(log))
+    result = _result(session, found, settings, log.warnings)
     h = session.options.sample_time
     summary = (
         *result.summary,
@@ -102,14 +101,7 @@ def _head(path: Path, columns: MapSource | None) -> tuple[Log, int, int]:
         names_of(reading)  # raises if there are no samples
         rows = reading.series[0].length
         table = next(Signals(reading, columns).tables(min(rows, HEAD_ROWS)))
-    return log_of_table(table, columns), table.frame.height, rows
-
-
-def _warnings_of_head(log: Log) -> Iterator[Caution]:
-    """Yield the warnings of the head, which was cut at seams while the stream is not."""
-    uncut = "as where logs were joined, but a stream is not cut there"
-    for text in log.warnings:
-        yield Caution(text.replace(CUT_AT_SEAM, uncut), rank_of(text))
+    return log_of_table(table, columns, is_stream=True), table.frame.height, rows
 
 
 def _options(replay: Replay, log: Log, head: Identification, settings: Settings) -> WatchOptions:
@@ -169,7 +161,7 @@ def _result(
     session: Session,
     found: Identification,
     settings: Settings,
-    warnings: Iterator[Caution],
+    warnings: Sequence[str],
 ) -> Identification:
     """Return the head's identification with the values that the session determined."""
     learner, states, options = session.learner, session.now.states, session.options

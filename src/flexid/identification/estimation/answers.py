@@ -28,7 +28,6 @@ from flexid.identification.estimation.doubts import (
     widened,
 )
 from flexid.identification.estimation.final_fits import (
-    RETREAT,
     FinalFits,
     final_fits,
     hidden_covariance,
@@ -76,6 +75,10 @@ _MOST_STEPS = 2.2e7
 _FEWEST_IN_PART = 300  # samples of a piece of the log: several periods of the resonance
 _BY_DELAY = "all of which is a delay between the encoders"
 _BY_DISTURBANCES = "the input is low-passed to the joint's band, where all holds are alike"
+_RETREAT = (
+    "the fit to all data does not converge, so the values come from the data before the "
+    "held-out end: check that end of the log"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,13 +96,14 @@ class Answer:
     # the unknown coefficients, of one balance or both
     doubted: frozenset[str] = POSITIVE
     prediction: str = ""  # text on how well the spring predicts the deflection
+    retreat: tuple[str, ...] = ()  # warning if the values do not come from all data
 
 
 def answer(job: Job) -> Answer:
     """Return the exact fit or the fit with disturbances, whichever determines more."""
     if job.exact:
         choice, validation = predicting(job)
-        return _exact(job, _fits_to_all(job, choice, fallback=True), validation)
+        return _exact(job, _fits_to_all(job, choice, insist=True), validation)
     try:
         choice, validation = _searched(job)
         with within(_MOST_STEPS):
@@ -118,9 +122,11 @@ def answer(job: Job) -> Answer:
     well_known = 0.5 * job.thresholds.noted_width  # two deviations are half an interval
     if nearly and _core_width(nearly) <= well_known:
         return _judged(nearly, nearly.fits.choice.fitted, job)
-    disturbed = _disturbed_or_none(job)
+    disturbed = None
+    with suppress(ConvergenceError):
+        disturbed = _disturbed(job)
     if disturbed is None:
-        return exact or _exact(job, fits or _fits_to_all(job, choice, fallback=True), validation)
+        return exact or _exact(job, fits or _fits_to_all(job, choice, insist=True), validation)
     if nearly and _core_width(nearly) <= _core_width(disturbed):
         return _judged(nearly, nearly.fits.choice.fitted, job)
     if short and _core_width(disturbed) > 0.5 * job.thresholds.determined_width:
@@ -161,22 +167,16 @@ def _exact_fits(job: Job, choice: Choice) -> FinalFits | None:
     """Return the exact fits to all data; None if they leave too much, or do not converge."""
     if not is_acceptable(choice.fitted, job.thresholds):
         return None
-    # A fit to a part of the log is no substitute for one to all data.
-    whole = choice.fitted.data.duration >= job.training.duration
-    fallback = whole and _explains(choice.fitted, job)
-    try:
-        return _fits_to_all(job, choice, fallback=fallback)
-    except ConvergenceError:
-        if fallback:
-            raise
-        return None
+    with suppress(ConvergenceError):
+        return _fits_to_all(job, choice, insist=_explains(choice.fitted, job))
+    return None
 
 
-def _fits_to_all(job: Job, choice: Choice, *, fallback: bool) -> FinalFits:
+def _fits_to_all(job: Job, choice: Choice, *, insist: bool) -> FinalFits:
     """Return the exact fits to all data; see `final_fits`."""
     job.progress("fit to all data")
     rest = job.settings.filter_rate, job.thresholds
-    return final_fits(choice, job.whole, job.recordings, *rest, fallback=fallback)
+    return final_fits(choice, job.whole, job.recordings, *rest, insist=insist)
 
 
 def _explains(fitted: Fitted, job: Job) -> bool:
@@ -229,7 +229,7 @@ def _exact(job: Job, fits: FinalFits, validation: Validation) -> Answer:
             terms = latest(choice.terms, gone)
             choice = replace(choice, structure=leaner.structure, fitted=fitted, terms=terms)
             with suppress(ConvergenceError):
-                fits = _fits_to_all(job, choice, fallback=False)
+                fits = _fits_to_all(job, choice, insist=False)
     job.progress("removed terms")
     estimate = with_doubts(fits, job.delay_in_doubt, thresholds)
     reported = fits.reported
@@ -261,14 +261,6 @@ def between_lengths(fits: FinalFits, thresholds: Thresholds) -> FloatArray:
     return between_bands(first, others)
 
 
-def _disturbed_or_none(job: Job) -> Answer | None:
-    """Return the fit with disturbances; None if it does not converge."""
-    try:
-        return _disturbed(job)
-    except ConvergenceError:
-        return None
-
-
 def _disturbed(job: Job) -> Answer:
     """Return the answer of the fit with disturbances."""
     # Imported late: a log that its model explains needs none of these modules.
@@ -296,14 +288,14 @@ def _disturbed(job: Job) -> Answer:
     try:
         refitted = fit_disturbed_to(fitted, whole)
     except ConvergenceError:
-        refitted, whole, retreat = fitted, training, (RETREAT,)
-    fits = _fits(refitted, retreat, job)
+        refitted, whole, retreat = fitted, training, (_RETREAT,)
+    fits = _fits(refitted, job)
     # Every drive has friction, and disturbances may hide it.
     hidden = hidden_covariance(fits, certain=DISSIPATIVE)
     estimate, widest = disturbed_estimate(refitted, whole, hidden, is_voltage=job.is_voltage)
     sample_time = refitted.fitted.data.samples[0].sample_time
     disturbances = Disturbances(refitted.shares, sample_time, refitted.input.removed_from(whole))
-    found = Answer(fits, validation, estimate, disturbances, refitted.cost, widest)
+    found = Answer(fits, validation, estimate, disturbances, refitted.cost, widest, retreat=retreat)
     return _judged(found, undisturbed, job)
 
 
@@ -316,7 +308,7 @@ def _judged(found: Answer, fitted: Fitted, job: Job) -> Answer:
     return replace(found, **own._asdict())
 
 
-def _fits(found: "Disturbed", retreat: tuple[str, ...], job: Job) -> FinalFits:
+def _fits(found: "Disturbed", job: Job) -> FinalFits:
     """Return a fit with disturbances as `FinalFits`."""
     fitted, full = found.fitted, found.full
     by_length = FitsByLength((), (), True, tuple(job.holds), _BY_DISTURBANCES)
@@ -328,7 +320,6 @@ def _fits(found: "Disturbed", retreat: tuple[str, ...], job: Job) -> FinalFits:
         job.recordings,
         fitted,
         (fitted,),
-        retreat,
         nothing,
         frozenset(),
         full,

@@ -8,7 +8,7 @@ widen the intervals in `flexid.identification.estimation.disturbed_estimate`.
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import chain, islice
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -160,7 +160,6 @@ def _doubtful_play(full: FitInBand, data: Data) -> float:
 
 def _likeliest(tried: Sequence[Structure], data: Data, factor: int) -> FitInBand:
     """Return the likeliest fit of several structures from least-squares starts."""
-    # If the motion diverges from all of these, further starts are tried.
     begun = (
         (structure, start)
         for structure in tried
@@ -168,9 +167,6 @@ def _likeliest(tried: Sequence[Structure], data: Data, factor: int) -> FitInBand
     )
     every = side_by_side(lambda start: [*fits_in_band([start], data, factor)], begun)
     found = [*chain.from_iterable(every)]
-    if not found:
-        others = ((tried[0], start) for start in starts(tried[0], data, lengths(data)[0]))
-        found = [*islice(fits_in_band(islice(others, 1, None), data, factor), 1)]
     if not found:
         raise no_start()
     return min(found, key=lambda fit: (not fit.fitted.has_partners, fit.cost))

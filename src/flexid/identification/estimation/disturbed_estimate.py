@@ -145,15 +145,9 @@ def by_eccentricity(fitted: Fitted) -> FloatArray | None:
     for share in (SHARE, SMALL_SHARE):
         rigs = [with_sensor_error(fitted, 0, error, share) for error in errors]
         with suppress(ConvergenceError):
-            return gravity[:, None] * likely_changes(fitted, rigs, _scatter(fitted), share)
+            scatter = float(np.fmax(fitted.scatter, 1.0).max()) ** 2
+            return gravity[:, None] * likely_changes(fitted, rigs, scatter, share)
     return (gravity * fitted.values)[:, None]
-
-
-def _scatter(fitted: Fitted) -> float:
-    """Return the largest ratio of a variance to its value for white innovations."""
-    with np.errstate(divide="ignore", invalid="ignore"):  # of values that the log leaves free
-        ratios = np.square(fitted.fit.deviations / fitted.unit_deviations)
-    return float(np.max(ratios, where=np.isfinite(ratios), initial=1.0))
 
 
 def _rescaled(data: Data, scale: float) -> Data:

@@ -52,13 +52,6 @@ _FRICTIONLESS = 1.0 / 9.0  # odds that a drive lacks a friction or damping
 _NOISE_SEED = 1  # of noise that is added to measure the noise in each regressor
 
 
-RETREAT = (
-    "the fit to all data does not converge, so the values come from the data before the "
-    "held-out end: check that end of the log"
-)
-"""Warning about values that do not come from all data."""
-
-
 @dataclass(frozen=True, eq=False)
 class FinalFits:
     """Fits to all data, including the held-out ends."""
@@ -68,7 +61,6 @@ class FinalFits:
     reported: Fitted  # fit of the chosen structure
     # fits of it over segments of growing length, some longer than those of `reported`
     lengths_fitted: Sequence[Fitted]
-    retreat: tuple[str, ...]  # warning if the values do not come from all data
     error: ModelError  # model error that the residuals show
     driving: frozenset[str]  # frictions that came out negative beyond noise
     full: Fitted  # fit with all usual terms, for intervals of removed ones
@@ -158,19 +150,18 @@ def final_fits(
     filter_rate: float | Literal["auto"],  # in 1/s
     thresholds: Thresholds,
     *,
-    fallback: bool,
+    insist: bool,
 ) -> FinalFits:
     """Fit the chosen structure and the full model to all data.
 
-    If the fit does not converge, the fit to the data before the held-out ends is used with
-    `fallback`; without it `ConvergenceError` is raised.
+    If the fit fails, `insist` on another start; without it `ConvergenceError` is raised at once.
     """
     whole = replace(whole, refinement=choice.fitted.data.refinement)
-    reported, lengths_fitted, retreat = _reported(choice, whole, fallback=fallback)
+    reported, lengths_fitted = _reported(choice, whole, insist=insist)
     if (likelier := _with_another_law(reported)) is not None:
         with suppress(ConvergenceError):
             other = replace(choice, structure=likelier.structure, fitted=likelier)
-            reported, lengths_fitted, retreat = _reported(other, whole, fallback=False)
+            reported, lengths_fitted = _reported(other, whole, insist=False)
             choice = replace(choice, structure=likelier.structure)
     joint = reported.structure.joint  # with the constants of shapes fitted to all data
     structure = replace(choice.structure, joint=joint)
@@ -179,9 +170,7 @@ def final_fits(
     rate = suited_rate(reported, filter_rate)
     full = _full(choice, reported)
     driving = driving_frictions(reported, thresholds)
-    return FinalFits(
-        choice, recordings, reported, lengths_fitted, retreat, error, driving, full, rate
-    )
+    return FinalFits(choice, recordings, reported, lengths_fitted, error, driving, full, rate)
 
 
 def with_doubts(fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds) -> Estimate:
@@ -195,31 +184,20 @@ def with_doubts(fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds) -
     return estimate.widened(confused_covariance(estimate)) if delay_in_doubt else estimate
 
 
-def _reported(
-    choice: Choice, whole: Data, *, fallback: bool
-) -> tuple[Fitted, list[Fitted], tuple[str, ...]]:
-    """Fit the structure to all data; on failure, with `fallback`, return the choice's own fit."""
-    structure = choice.structure
+def _reported(choice: Choice, whole: Data, *, insist: bool) -> tuple[Fitted, list[Fitted]]:
+    """Fit the structure to all data; return the fit to report, and the fits over all lengths."""
+    structure, duration = choice.structure, choice.duration
     start = {**structure.timing.delays, **reflected(choice.fitted.by_name)}
-
-    def new_start() -> dict[str, float]:
-        """Return values from all data: the input may have acted only in the held-out end."""
-        return first_fits(structure, whole, lengths(whole, choice.duration))[-1].by_name
-
-    for begin in (lambda: start, new_start):
-        try:
-            fitted, lengths_fitted = fit_to(structure, whole, begin(), choice.duration)
-        except ConvergenceError:
-            if not fallback:
-                raise
-            continue
-        last = settled(fitted)
-        return (
-            last,
-            [last if one_length is fitted else one_length for one_length in lengths_fitted],
-            (),
-        )
-    return choice.fitted, [choice.fitted], (RETREAT,)
+    try:
+        fitted, lengths_fitted = fit_to(structure, whole, start, duration)
+    except ConvergenceError:
+        if not insist:
+            raise
+        # The chosen values may be far off, as where the input acts only in the held-out end.
+        begun = first_fits(structure, whole, lengths(whole, duration))[-1]
+        fitted, lengths_fitted = fit_to(structure, whole, begun.by_name, duration)
+    last = settled(fitted)
+    return last, [last if one is fitted else one for one in lengths_fitted]
 
 
 def _with_another_law(reported: Fitted) -> Fitted | None:
@@ -283,7 +261,9 @@ def hidden_covariance(fits: FinalFits, certain: Collection[str] = ()) -> FloatAr
         # A difference of informations would lose the remainder to rounding.
         least = least_with(considered, information, values)
         variance = np.inf if least.free[place] else float(least.inverse[place, place])
-        seen = float(least.values[place]), _deviation(full, i, variance)
+        # The deviation next to the reported model, for correlated residuals.
+        deviation = float(np.fmax(full.scatter[i], 1.0) * np.sqrt(variance))
+        seen = float(least.values[place]), deviation
         base = name.partition("[")[0]
         mean_square = _mean_square(*seen, scale, absence=0.0 if base in certain else 1.0)
         if base in DISSIPATIVE:
@@ -292,13 +272,6 @@ def hidden_covariance(fits: FinalFits, certain: Collection[str] = ()) -> FloatAr
         shift = inverse @ information[kept, i]
         added[np.ix_(places, places)] += mean_square * np.outer(shift, shift)
     return added
-
-
-def _deviation(full: Fitted, place: int, variance: float) -> float:
-    """Return a value's standard deviation next to the reported model, for correlated residuals."""
-    robust = float(full.fit.deviations[place])
-    factor = robust / float(full.unit_deviations[place]) if full.unit_deviations[place] else 1.0
-    return max(factor if np.isfinite(factor) else 1.0, 1.0) * float(np.sqrt(variance))
 
 
 def _mean_square(value: float, deviation: float, scale: float, *, absence: float) -> float:

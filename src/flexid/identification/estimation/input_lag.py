@@ -9,13 +9,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, after_a_lag
 from flexid.estimators.prediction_error import NEGLIGIBLE, Steps, minimise
-from flexid.identification.estimation.model_error import filtered_input
+from flexid.identification.estimation.model_error import filtered_input, is_input_delay
 from flexid.identification.full_model.model import Fitted
 
 _LONGEST = 1.2  # of a delay: longest lag that is sought in its place
@@ -66,7 +65,7 @@ def lag_error(fitted: Fitted, lag: float) -> FloatArray:
         away = (4.0 * near - 3.0 * here - far) / (2.0 * step * curvature)
         deviation = np.sqrt(2.0 * max(fitted.excess, 1.0) / curvature)
         size = min(float(np.hypot(away, deviation)), step)
-    return size * np.where(_is_delay(fitted), 0.0, rate)
+    return size * np.where(is_input_delay(fitted), 0.0, rate)
 
 
 def _with_lag(
@@ -74,18 +73,10 @@ def _with_lag(
 ) -> tuple[float, FloatArray]:
     """Return the least cost and the values, shape (k,), with a lag in s in place of some delay."""
     # The cost is infinite if the motion diverges.
-    problem, point = fitted.problem, fitted.minimum.point
-    inputs = problem.segments.inputs.copy()
-    inputs[:, 0] = filtered_input(fitted, after_a_lag, lag)
-    driven = replace(problem, segments=replace(problem.segments, inputs=inputs))
-    start = replace(point, values=fitted.values - lag * _is_delay(fitted))
+    driven = fitted.problem.driven_by(filtered_input(fitted, after_a_lag, lag))
+    start = replace(fitted.minimum.point, values=fitted.values - lag * is_input_delay(fitted))
     try:
         found = minimise(driven, start, Steps(NEGLIGIBLE, insist=False, iterations=iterations))
     except ConvergenceError:
         return np.inf, fitted.values
     return found.equations.cost, found.point.values
-
-
-def _is_delay(fitted: Fitted) -> NDArray[np.bool_]:
-    """Whether a value is the delay of the input, shape (k,)."""
-    return np.array([name == INPUT for name in fitted.names])

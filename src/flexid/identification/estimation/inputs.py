@@ -82,7 +82,7 @@ def _is_likelier(other: Answer, found: Answer) -> bool:
         return one is None
     if one is None or two is None:
         return other.fits.reported.excess < (1.0 - _CLEAR_GAIN) * found.fits.reported.excess
-    is_same = (one.sample_time, other.fits.retreat) == (two.sample_time, found.fits.retreat)
+    is_same = (one.sample_time, other.retreat) == (two.sample_time, found.retreat)
     return is_same and other.cost < found.cost - CHANCE
 
 

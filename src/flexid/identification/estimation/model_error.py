@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
@@ -211,10 +212,7 @@ def with_more(fitted: Fitted, noise: FloatArray) -> tuple[float, FloatArray]:
 def _change(fitted: Fitted, signal: FloatArray, values: FloatArray) -> tuple[float, FloatArray]:
     """Return the changes of the least cost and of the values, shape (k,), under another input."""
     # They come from one step from the given values.
-    problem, minimum = fitted.problem, fitted.minimum
-    inputs = problem.segments.inputs.copy()
-    inputs[:, 0] = signal
-    driven = replace(problem, segments=replace(problem.segments, inputs=inputs))
+    driven, minimum = fitted.problem.driven_by(signal), fitted.minimum
     equations = driven.equations(replace(minimum.point, values=values))
     if not np.isfinite(equations.cost):
         return np.inf, np.zeros(len(values))
@@ -233,7 +231,7 @@ def lagged(fitted: Fitted) -> FloatArray:
     if delay == 0.0:
         return np.zeros(len(fitted.names))
     signal = filtered_input(fitted, after_a_lag if delay > 0.0 else before_a_lag, abs(delay))
-    own = np.array([name == INPUT for name in fitted.names])
+    own = is_input_delay(fitted)
     more, change = _change(fitted, signal, np.where(own, 0.0, fitted.values))
     chance = CHANCE * max(fitted.excess, 1.0)
     if more > chance:
@@ -241,6 +239,11 @@ def lagged(fitted: Fitted) -> FloatArray:
     # If the log does not decide, the lag is uniform between zero and the whole delay.
     share = 1.0 if more < -chance else 1.0 / np.sqrt(3.0)
     return share * np.where(own, 0.0, change)
+
+
+def is_input_delay(fitted: Fitted) -> NDArray[np.bool_]:
+    """Return a mask of the value that is the input's delay, shape (k,)."""
+    return np.array([name == INPUT for name in fitted.names])
 
 
 def by_other_laws(fitted: Fitted) -> FloatArray:

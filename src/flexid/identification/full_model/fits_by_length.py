@@ -322,16 +322,13 @@ def residual_variance(found: Sequence[Fitted]) -> float:
     An encoder's steps under a slow motion are correlated over many samples. By chance their sum of
     squares falls by as much as that of fewer independent samples.
     """
-    return max(1.0, min(max(fitted.excess, _correlated(fitted)) for fitted in found))
+    return min(max(fitted.excess, _correlated(fitted)) for fitted in found)
 
 
 def _correlated(fitted: Fitted) -> float:
-    """Return the variance of the input's delay over its value for white sensor noise."""
-    if INPUT not in fitted.names:
-        return 1.0
-    place = fitted.names.index(INPUT)
-    ratio = float(fitted.fit.deviations[place] / fitted.unit_deviations[place])
-    return ratio**2 if np.isfinite(ratio) else 1.0
+    """Return the variance of the input's delay over its value for white noise, at least 1."""
+    ratios = dict(zip(fitted.names, fitted.scatter.tolist(), strict=True))
+    return float(np.fmax(ratios.get(INPUT, 1.0), 1.0)) ** 2
 
 
 def hold_covariance(reported: Fitted, tied: Sequence[Hold]) -> FloatArray:

@@ -268,6 +268,13 @@ class Fitted(Generic[M]):
         """Standard deviations for sensor noise alone, shape (k,)."""
         return np.sqrt(np.diag(self.minimum.reduced.inverse))
 
+    @cached_property
+    def scatter(self) -> FloatArray:
+        """Ratio of each deviation to its value for white residuals, shape (k,); nan if unknown."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratios = self.fit.deviations / self.unit_deviations
+        return np.where(np.isfinite(ratios) & (ratios > 0.0), ratios, np.nan)
+
     @property
     def converged(self) -> bool:
         """Whether the steps reached the minimum, within the roughness of the sum of squares."""

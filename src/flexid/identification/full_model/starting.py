@@ -8,14 +8,14 @@ are better.
 
 From the best start the fit converges over all short segments on nearly every drive that the model
 describes. It may fail after a jolt, on a drive that swings several times within the shortest
-segments, or on one that hardly moves. Then other starts and segments of a quarter of the length are
-tried. If all fail, the log is fitted with disturbances.
+segments, or on one that hardly moves. Then other starts and longer segments are tried. If all fail,
+the log is fitted with disturbances.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, islice, tee
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -44,8 +44,6 @@ _COMPARED = 50  # segments over which starts are compared
 _FILTER_RATE = 20.0  # 1/s, least rate of the filter for the effect of each term on its row
 _PASSED = 1.0 / 3.0  # least rate of that filter over the resonance, to pass the joint's motion
 
-_HALVINGS = 2  # of the shortest segments, if all starts fail over these
-_FEWEST_HALVED = 10  # least samples of such a segment: twice its initial states
 _CLAMPED = 1e-3  # motor's inertia over the link's, as the start for a clamped link
 _STARTS = 3  # most starts that are tried
 _TOGETHER = 2  # starts that run at the same time
@@ -223,12 +221,14 @@ def first_fits(
     candidates: Iterator[Mapping[str, float]] = islice(
         starts(structure, data, divisions[0]), _STARTS
     )
-    for schedule in _schedules(divisions):
+    for place in range(len(short(divisions))):
+        # The first start is enough for most logs. Longer segments show more above the noise.
+        count, together = (_TOGETHER, _TOGETHER) if place else (_STARTS, 1)
         best: list[Fitted] = []
         excessive_delays: set[str] = set()
         candidates, own = tee(candidates)
         for found in _fits_from_starts(
-            structure, data, islice(own, schedule.starts), schedule, should_continue
+            structure, data, islice(own, count), divisions[place:], together, should_continue
         ):
             if not found[-1].has_partners:
                 excessive_delays |= found[-1].excessive_delays
@@ -263,48 +263,17 @@ def no_start() -> ConvergenceError:
     )
 
 
-def _halved(shortest: Segments) -> list[Segments]:
-    """Return segments of a quarter and of half the length, if they have enough samples."""
-    finer: list[Segments] = []
-    for _ in range(_HALVINGS):
-        if shortest.lengths.min() < 2 * _FEWEST_HALVED:
-            break
-        shortest = shortest.halved()
-        finer = [shortest, *finer]
-    return finer
-
-
-class _Schedule(NamedTuple):
-    """Series of fits from short segments to long ones, with the number of starts."""
-
-    divisions: Sequence[Segments]
-    finer: int = 0  # number of additional finer divisions, which a start has to pass
-    starts: int = _STARTS  # number of starts that are tried
-    together: int = _TOGETHER  # number of starts that run at the same time
-
-
-def _schedules(divisions: Sequence[Segments]) -> Iterator[_Schedule]:
-    """Yield schedules, each for logs on which the ones before it fail."""
-    # The first start is enough for most logs. Longer segments show more above the noise; shorter
-    # ones tolerate worse starts.
-    yield _Schedule(divisions, together=1)
-    for place in range(1, len(short(divisions))):
-        yield _Schedule(divisions[place:], starts=_TOGETHER)
-    if finer := _halved(divisions[0]):
-        yield _Schedule([*finer, *divisions], len(finer))
-
-
 def _fits_from_starts(
     structure: Structure,
     data: Data,
     candidates: Iterator[Mapping[str, float]],
-    schedule: _Schedule,
+    divisions: Sequence[Segments],
+    together: int,  # number of starts that run at the same time
     should_continue: Callable[[Fitted], bool],
 ) -> Iterator[list[Fitted]]:
-    """Yield the fits from each start that passes the schedule's first division."""
+    """Yield the fits from each start from which the fit over the first division succeeds."""
     # From a minimum over that division which an earlier start has reached too, its fits are
     # yielded.
-    divisions, before = schedule.divisions, schedule.finer
     first = in_part(divisions[0])
 
     def fits_from(start: Mapping[str, float], known: Sequence[list[Fitted]] = ()) -> list[Fitted]:
@@ -325,22 +294,12 @@ def _fits_from_starts(
             return []
         return reached[0] if reached else found
 
-    def series() -> Iterator[list[Fitted]]:
-        every = side_by_side(fits_from, islice(candidates, schedule.together))
-        yield from every
-        for start in candidates:
-            every.append(fits_from(start, [*filter(None, every)]))
-            yield every[-1]
-
-    stuck: list[Fitted] = []  # fits of a start that does not pass the first division
-    for found in series():
-        reached = [f for f in found if len(f.problem.segments) <= len(divisions[before])]
-        if reached:
-            yield reached
-        elif stuck and len(found) == len(stuck) and _same_minimum(found, stuck):
-            return
-        elif found:
-            stuck = found
+    every = [*filter(None, side_by_side(fits_from, islice(candidates, together)))]
+    yield from every
+    for start in candidates:
+        if found := fits_from(start, every):
+            every.append(found)
+            yield found
 
 
 def _is_same(one: Fitted, other: Fitted) -> bool:

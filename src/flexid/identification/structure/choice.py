@@ -21,7 +21,7 @@ from flexid.identification.full_model.fits_by_length import (
 )
 from flexid.identification.full_model.fitting import ON_THE_WAY, fit_from, fit_like
 from flexid.identification.full_model.model import Fitted, Structure
-from flexid.identification.structure.elimination import eliminate, latest, leanest
+from flexid.identification.structure.elimination import eliminate, latest
 from flexid.identification.structure.gap import settled
 from flexid.identification.structure.sought_terms import SOUGHT_COEFFICIENTS
 from flexid.identification.vocabulary import Progress
@@ -81,11 +81,10 @@ def choose_structure(
     wider, asked = _wider(best, by_length, thresholds) if with_shapes else (best, by_length)
     if not exact and not is_acceptable(wider, thresholds):
         return Choice(wider.structure, wider.structure, wider, (), tuple(found), asked)
-    shorter = tuple(f for f in by_length.found if f.duration < best.duration)
     explained = explains(best, thresholds) and by_length.free_length
     if asked.tied:  # the delay may replace another hold
         kept = {*kept, INPUT}
-    structure, evidence = leanest(wider, kept, thresholds)
+    structure, evidence = eliminate(wider, kept, thresholds)
     fitted_as = best.structure  # a fit's structure has its values as start values
     for _ in range(_ROUNDS):
         # A leaner structure may fit longer segments, which show more. Small steps may fail on the
@@ -102,7 +101,7 @@ def choose_structure(
         best, fitted_as = longer, structure
         if len(wider.problem.segments) != len(longer.problem.segments):
             break  # the wider model fails there; its evidence from shorter segments is kept
-        structure, evidence = leanest(wider, kept, thresholds)
+        structure, evidence = eliminate(wider, kept, thresholds)
     fitted = best if fitted_as is structure else fit_like(structure, best)
     fitted, gone = _until_stable(fitted, structure, kept, thresholds)
     fitted, evidence = fitted or best, latest(evidence, gone)
@@ -112,9 +111,6 @@ def choose_structure(
         lost = (asked_for.joint.shapes - asked_for.absent) & fitted.structure.absent - {*kept}
         if lost:
             return choose_structure(by_length, {*kept, *lost}, with_shapes, progress, thresholds)
-        if shorter:  # or a rough sum of squares misled the fit; that of shorter segments is less so
-            fewer = replace(by_length, found=shorter)
-            return choose_structure(fewer, kept, with_shapes, progress, thresholds)
     if fitted.structure.timing.hold != wider.structure.timing.hold:
         asked = by_length
     as_settled = settled(fitted)

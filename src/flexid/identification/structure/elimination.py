@@ -62,40 +62,14 @@ def one_by_one(
     return fitted, tuple(gone)
 
 
-def leanest(
-    full: Fitted, kept: Collection[str], thresholds: Thresholds
-) -> tuple[Structure, tuple[TermEvidence, ...]]:
-    """Remove terms; among terms that the log does not distinguish, keep the leanest explanation.
-
-    Unusual terms are removed first. The result of removing usual terms first is taken instead if it
-    explains the log as well with fewer terms, or far better with as many.
-    """
-    found = eliminate(full, kept, thresholds)
-    other = eliminate(full, kept, thresholds, usual_first=True)
-    structures = found[0], other[0]
-    if structures[0].absent == structures[1].absent:
-        return found
-    usual, unusual = (fit_like(structure, full, ROUGH) for structure in structures)
-    # If neither explains the log, their difference means nothing.
-    if unusual is None or unusual.excess > thresholds.sensor_excess:
-        return found
-    if usual is None:
-        return other
-    saved = usual.minimum.equations.cost - unusual.minimum.equations.cost
-    worth = thresholds.exchange_fall * (1 + len(unusual.names) - len(usual.names))
-    by_chance = float(np.median(_Quadratic.of(full).factors)) ** 2  # for one more coefficient
-    return other if saved > worth * by_chance else found
-
-
 def eliminate(
     full: Fitted,
     kept: Collection[str],
     thresholds: Thresholds,
     *,
-    usual_first: bool = False,
     likely: Collection[str] = (),
 ) -> tuple[Structure, tuple[TermEvidence, ...]]:
-    """Remove terms one by one until chance explains none of the remaining ones.
+    """Remove terms one by one, unusual ones first, until chance explains none of the others.
 
     Terms that are `likely` stay up to `generous_chance`.
     """
@@ -135,7 +109,7 @@ def eliminate(
             break
         gone = max(
             free or candidates,
-            key=lambda i: ((base[i] in unusual) != usual_first, ratio[i], i),
+            key=lambda i: (base[i] in unusual, ratio[i], i),
         )
         left[groups[gone]] = False
         left[[b == joint.nonlinear.get(base[gone]) for b in base]] = False
@@ -172,10 +146,8 @@ class _Quadratic:
 
     @classmethod
     def of(cls, full: Fitted) -> "_Quadratic":
-        robust = np.sqrt(np.diag(full.fit.covariance))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            factors = robust / full.unit_deviations
-        usable = np.isfinite(factors) & (factors > 0.0)
+        factors = full.scatter
+        usable = np.isfinite(factors)
         middle = float(np.median(factors[usable])) if usable.any() else 1.0
         freedom = np.array(full.fit.degrees_of_freedom)
         return cls(

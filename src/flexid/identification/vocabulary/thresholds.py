@@ -67,8 +67,7 @@ class Thresholds:
         9.0,
         "1",
         "least fall of the residuals' weighted sum of squares, over their variance, for one more "
-        "coefficient, and for unusual terms in place of usual ones: chance gives 9 in one log of "
-        "400",
+        "coefficient: chance gives 9 in one log of 400",
     )
     friction_sign: float = _threshold(
         4.0, "standard deviations", "below zero, up to which a negative friction is removed"
