@@ -43,6 +43,7 @@ from flexid.identification.structure.link_delay import is_damping, shifted, skew
 from flexid.identification.structure.sought_terms import (
     BEND,
     LOADED,
+    PARALLEL,
     PRESLIDING,
     PROGRESSIVE,
     STRIBECK,
@@ -132,6 +133,7 @@ def _with_unusual_terms(
     """Return the fit with all unusual terms that are likely, and the spring's doubt by play."""
     # The error of a transmission hides all other laws of the spring.
     full = with_shape(TRANSMISSION, full, data, factor, kept)
+    full = with_shape(PARALLEL, full, data, factor, kept)
     # Friction of the load hides which spring the motor's balance shows, and the other way round.
     full = with_shape(LOADED, full, data, factor, kept)
     likely = likely_play(full.fitted.structure, data)

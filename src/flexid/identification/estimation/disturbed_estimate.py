@@ -145,9 +145,13 @@ def by_eccentricity(fitted: Fitted) -> FloatArray | None:
     for share in (SHARE, SMALL_SHARE):
         rigs = [with_sensor_error(fitted, 0, error, share) for error in errors]
         with suppress(ConvergenceError):
-            scatter = float(np.fmax(fitted.scatter, 1.0).max()) ** 2
-            return gravity[:, None] * likely_changes(fitted, rigs, scatter, share)
+            return gravity[:, None] * likely_changes(fitted, rigs, _scatter(fitted), share)
     return (gravity * fitted.values)[:, None]
+
+
+def _scatter(fitted: Fitted) -> float:
+    """Return the largest ratio of a variance to its value for white innovations."""
+    return float(np.fmax(fitted.scatter, 1.0).max()) ** 2
 
 
 def _rescaled(data: Data, scale: float) -> Data:

@@ -329,7 +329,14 @@ PROGRESSIVE = SoughtShape(
 )
 """A spring whose stiffness grows with its deflection."""
 
-SOUGHT = (PROGRESSIVE, STRIBECK, RIPPLE, BEND, TRANSMISSION, PRESLIDING)
+PARALLEL = SoughtShape(
+    "a spring to the base",
+    frozenset(SHAPE_TERMS["parallel_spring"].coefficients),
+    shown_in=_BY_LINK,
+)
+"""A spring between the link and the base, such as a cable."""
+
+SOUGHT = (PROGRESSIVE, STRIBECK, RIPPLE, BEND, PARALLEL, TRANSMISSION, PRESLIDING)
 """Terms that are tried one by one, mostly with a constant that is sought.
 
 A required term is sought likewise, except hysteresis: it is fitted with the usual terms, from the
