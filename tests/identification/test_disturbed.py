@@ -238,6 +238,31 @@ def test_a_delay_between_encoders_is_found(stiffness: float):
         assert found.by_spring > 0.9
 
 
+def test_damping_of_a_pushed_joint_may_look_like_a_late_encoder():
+    """Assert that the interval of the motor's friction contains the true 1.5 1/s, three away.
+
+    What pushes the link hides that the other balance contradicts the delay.
+    """
+    shaken = data(pushed(3, 16.0, link_push=20.0, motor_push=0.05, joint_damping=2.0))
+    usual = structure("motor_viscous")
+    late = replace(usual, timing=replace(usual.timing, sought=(LINK,)))
+    found = fit_disturbed(late, shaken, (), ("cubic",), THRESHOLDS, with_shapes=False)
+    estimate = disturbed_estimate(found, shaken, is_voltage=False)[0]
+    away = abs(estimate.by_name["alpha2"] - 1.5)
+    assert 3.0 < away < half_widths(estimate)[estimate.names.index("alpha2")]
+
+
+@pytest.mark.parametrize("delay", [0.0, 2e-3])
+def test_a_late_encoder_that_the_link_shows_is_no_damping(delay: float):
+    """Assert no such doubt without a delay, or if damping leaves clearly more unexplained."""
+    log = data(made(6, link_delay=delay, torque_noise=0.5))
+    usual = structure("motor_viscous", "gravity")
+    late = replace(usual, timing=replace(usual.timing, sought=(LINK,)))
+    found = fit_disturbed(late, log, (), ("cubic",), THRESHOLDS, with_shapes=False)
+    assert (LINK in found.fitted.names) == bool(delay)
+    assert estimating.by_damping(found, log) is None
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_friction_stays_beside_disturbances(seed: int):
     """Assert the intervals of a pendulum with a disturbed torque, a tenth of which is dry friction.

@@ -83,6 +83,10 @@ CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     (doubts.play, {"by_play": 0.3}, dict.fromkeys(SPRINGS, 0.3 / ROOT)),
     (doubts.play, {}, {}),
     (doubts.another_law, {}, {}),
+    # Uniform between none of it and all.
+    (doubts.late_link, {"by_damping": CHANGE}, {"alpha1": 0.03 / ROOT}),
+    (doubts.late_link, {}, {}),
+    (doubts.gear_efficiency, {}, {}),
     (doubts.noise_of_the_input, {"by_noise": NOISE}, {"alpha1": 0.1, "beta1": 0.1}),
     (doubts.noise_of_the_input, {}, {}),
     # The doubt is larger for a term with a smaller part in its balance, and largest for friction.
@@ -134,6 +138,23 @@ def test_a_constant_of_a_term_has_no_balance():
     found.fitted.values = np.ones(len(names))
     moved = np.abs(doubts.looks_like_the_acceleration(found)).sum(axis=1)
     assert {n for n, size in zip(names, moved.tolist(), strict=True) if size} == {*VALUES}
+
+
+def test_a_gear_may_lose_more_in_one_direction():
+    """Assert that the motor's springs may be stiffer by half the squared friction of the load."""
+    values = {"theta2": 100.0, "alpha1": 300.0, "alpha_load": 60.0, "alpha_damping": 2.0}
+    alone: Any = SimpleNamespace(
+        names=(*values,), values=np.array([*values.values()]), by_name=values
+    )
+    moved = doubts.gear_efficiency(replace(doubted(), fitted=alone))
+    assert moved[:, 0] == pytest.approx([0.0, 0.02 * 300.0, 0.0, 0.02 * 2.0])
+
+
+def test_a_spring_to_the_base_is_no_error_of_scales():
+    """Assert no doubt by different scales of encoders if the log shows a spring to the base."""
+    found = doubted(apart=0.02)
+    alone: Any = SimpleNamespace(**{**vars(found.fitted), "names": (*NAMES, "theta_parallel")})
+    assert not doubts.scales_apart(replace(found, fitted=alone)).size
 
 
 def test_a_hysteresis_may_follow_another_law():

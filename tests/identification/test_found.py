@@ -15,9 +15,11 @@ from flexid.errors import SettingError
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.unknowns import Unknowns
 from flexid.exports.request import request_of_identification
+from flexid.identification.full_model.amplifier import DrivenBalance
 from flexid.identification.full_model.model import Structure
 from flexid.identification.full_model.starting import smooth_unknowns
 from flexid.identification.identify import identify
+from flexid.identification.preparation.recordings import IDEAL
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result import Identification
 from flexid.models.flexible_joint import PAPER_TERMS, SQUARES, TIES
@@ -211,6 +213,24 @@ def test_what_a_log_shows_is_found(name):
             assert estimate.status == "found"
         else:
             assert estimate.verdict == "determined", parameter
+
+
+def test_friction_of_the_load_is_no_limit_of_the_input():
+    """Assert that a slow torque against a heavy link, behind a lossy gear, is not called limited.
+
+    Least squares without the friction of the load found a limit of 17 N m.
+    """
+    tones = np.array([0.9, 1.7, 2.9, 4.3, 6.1, 9.0])
+    phases = np.random.default_rng(2).uniform(0.0, 6.0, 6)
+
+    def torque(at: np.ndarray) -> np.ndarray:
+        return np.sin(np.outer(at, tones) + phases) @ np.array([12.0, 9.0, 6.0, 4.0, 3.0, 3.0])
+
+    acts: dict[str, Any] = {**DRY, "load_friction": 0.3, "gravity_torque": 60.0}
+    slow = data(made(2, 12.0, torque=torque, **acts))
+    joint = JOINT.scaled(slow.samples)
+    balance = DrivenBalance(Structure(joint, joint.shapes, Timing("zero")), slow)
+    assert balance.amplifier(is_voltage=False) == IDEAL
 
 
 def test_springs_are_found_among_disturbances():

@@ -541,6 +541,17 @@ def test_where_nothing_moves_nothing_is_sought(shape):
         shapes.fit_requested_shapes([shape], by_length, lambda _: None, THRESHOLDS)
 
 
+def test_stribeck_friction_falls_within_the_motors_velocities():
+    """Assert that a Stribeck velocity above three times the largest velocity is refused."""
+    plain = fitted(made(4, 4.0))
+    largest = float(np.abs(plain.data.samples[0].velocities[:, 1]).max())  # pyright: ignore[reportOptionalSubscript]
+    for share, is_possible in ((2.9, True), (3.1, False)):
+        own = sought_terms.STRIBECK.put(plain.structure, share * largest)
+        with_term = replace(own, absent=own.absent - sought_terms.STRIBECK.coefficients)
+        assert sought_terms.STRIBECK.is_possible(replace(plain, structure=with_term)) == is_possible
+        assert sought_terms.STRIBECK.is_possible(replace(plain, structure=own))
+
+
 def test_many_turns_need_no_more_memory():
     """Assert that the length of the spectrum is limited for a motor that turns on and on."""
     plain = fitted(made(4, 4.0))

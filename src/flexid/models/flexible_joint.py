@@ -224,9 +224,6 @@ POSITIVE = frozenset({*SPRING, "beta1"})
 HARDENING = frozenset(TERMS["cubic_stiffness"].coefficients)
 """Coefficients of a spring that hardens or softens."""
 
-STIFFENING = frozenset(SHAPE_TERMS["progressive_spring"].coefficients)
-"""Coefficients of a spring whose stiffness grows with its deflection."""
-
 PLAY = frozenset(SHAPE_TERMS["backlash"].coefficients)
 """Coefficients of play."""
 

@@ -15,7 +15,7 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.normal_equations import scaled_inverse
 from flexid.estimators.samples import side_by_side
 from flexid.estimators.state_variable_filter import RowFit
-from flexid.identification.estimation.band import fit_in_band
+from flexid.identification.estimation.band import fit_in_band, shares_of
 from flexid.identification.estimation.disturbed import Disturbed
 from flexid.identification.estimation.doubts import (
     CABLE,
@@ -41,11 +41,11 @@ from flexid.identification.estimation.rig_errors import (
 )
 from flexid.identification.estimation.thinned_log import PER_PERIOD, thinning
 from flexid.identification.full_model.fitting import expanded
-from flexid.identification.full_model.model import Data, Fitted
+from flexid.identification.full_model.model import LINK, Data, Fitted
 from flexid.identification.full_model.starting import least_squares_start, suited_rate
-from flexid.identification.structure.gap import with_free_width
+from flexid.identification.structure.gap import LIKELIER, with_free_width
 from flexid.identification.vocabulary.evidence import Estimate
-from flexid.models.flexible_joint import HARDENING, PLAY, SHAPE_TERMS
+from flexid.models.flexible_joint import DAMPING, HARDENING, PLAY, SHAPE_TERMS
 
 _BANDS = (0.5, 2.0)  # factors of the usual number of samples per period
 
@@ -72,6 +72,7 @@ def disturbed_estimate(
         _by_gauge(found, data),
         by_cable(fitted, squares.rows[0]),
         by_eccentricity(fitted),
+        by_damping(found, data),
         _by_input_noise(found, logged),
         found.by_play if may_have_play else 0.0,
     )
@@ -92,6 +93,29 @@ def _by_input_noise(found: Disturbed, logged: Data) -> FloatArray:
         return none
     other = _refit(found, found.input.other_of(logged), found.factor)
     return none if other is None else found.input.left * (other.values - found.fitted.values)
+
+
+def by_damping(found: Disturbed, data: Data) -> FloatArray | None:
+    """Return the change of each value, shape (k,), with damping instead of a late link encoder.
+
+    None if the delay explains clearly more of a balance. In the motor's balance they are alike, and
+    what pushes the link may hide the difference in its own.
+    """
+    fitted, structure = found.fitted, found.fitted.structure
+    names, values = fitted.names, fitted.by_name
+    if not {LINK, "alpha1"} <= values.keys() or not DAMPING.isdisjoint(names):
+        return None
+    other = replace(structure, absent=structure.absent - DAMPING).without({LINK})
+    start = {**values, "alpha_damping": values["alpha1"] * values[LINK]}
+    try:
+        fit = fit_in_band(other, data, found.factor, start, found.sizes)
+    except ConvergenceError:
+        return None
+    shares = shares_of(fit.fitted, fit.sizes)
+    if any(LIKELIER * shares[side] ** 2 > share**2 for side, share in found.shares.items()):
+        return None
+    own = {**values, **fit.fitted.by_name, LINK: 0.0}
+    return np.array([own[name] for name in names]) - fitted.values
 
 
 def _by_gauge(found: Disturbed, data: Data) -> FloatArray | None:

@@ -44,6 +44,8 @@ LIKE_THE_ACCELERATION = 1.0
 LINK_GRAVITY = frozenset(
     c for term in ("gravity", "gravity_cosine") for c in declared.TERMS[term].link
 )
+PARALLEL = frozenset(declared.SHAPE_TERMS["parallel_spring"].coefficients)
+_MOTOR_SPRINGS = frozenset(motor for motor, *_ in declared.TIES.values()) | {declared.SPRING[1]}
 _VISCOUS = declared.coefficients_of("motor_viscous")
 
 
@@ -68,6 +70,8 @@ class Doubted:
     by_cable: FloatArray | None = None
     # (k, 3): change of gravity by encoder errors once per turn that the log allows
     by_eccentricity: FloatArray | None = None
+    # (k,): change of the values if the joint has damping instead of a late link encoder
+    by_damping: FloatArray | None = None
     by_noise: FloatArray | None = None  # (k,): error of the values by noise of the input
     by_play: float = 0.0  # relative increase of the stiffness if the spring has play
 
@@ -114,6 +118,8 @@ def eccentric_encoders(doubted: Doubted) -> FloatArray:
 
 def scales_apart(doubted: Doubted) -> FloatArray:
     """Return errors by different scales of two encoders, mainly of gravity, through the spring."""
+    if not PARALLEL.isdisjoint(doubted.fitted.names):
+        return doubted.none  # the motor's balance has shown which of both it is
     share = doubted.fitted.data.scales_apart
     pull = abs(doubted.fitted.by_name.get("theta2", 0.0))
     return doubted.diagonal(
@@ -186,6 +192,22 @@ def play(doubted: Doubted) -> FloatArray:
     return share * np.where(springs, doubted.fitted.values, 0.0)[:, None]
 
 
+def gear_efficiency(doubted: Doubted) -> FloatArray:
+    """Return errors of the spring if a gear loses more torque in one direction of its power.
+
+    With the shares μ₁ and μ₂ of the torque lost in driving and being driven, the friction of the
+    load is their mean μ. The other half of their difference looks like a stiffer spring. Equal
+    efficiencies η have μ₁ = 1/η - 1 and μ₂ = 1 - η, so the difference is about μ².
+    """
+    values = doubted.fitted.by_name
+    if not values.get("alpha1") or "alpha_load" not in values:
+        return doubted.none
+    share = 0.5 * (values["alpha_load"] / values["alpha1"]) ** 2
+    return doubted.diagonal(lambda name, value: share * value * (name in _MOTOR_SPRINGS)).sum(
+        axis=1, keepdims=True
+    )
+
+
 def another_law(doubted: Doubted) -> FloatArray:
     """Return errors of a hysteresis by a law other than Dahl's: its torque and reach grow alike.
 
@@ -204,6 +226,13 @@ def another_law(doubted: Doubted) -> FloatArray:
 def term_law(doubted: Doubted) -> FloatArray:
     """Return errors if a term follows a law between its own and another usual one."""
     return by_other_laws(doubted.fitted) / np.sqrt(3.0)
+
+
+def late_link(doubted: Doubted) -> FloatArray:
+    """Return errors if the delay of the link's encoder is in part a damping of the joint."""
+    if doubted.by_damping is None:
+        return doubted.none
+    return doubted.by_damping[:, None] / np.sqrt(3.0)  # uniform between none and all of it
 
 
 def noise_of_the_input(doubted: Doubted) -> FloatArray:
@@ -248,6 +277,7 @@ DOUBTS: Mapping[Doubt, str] = {
     further_modes: "the link may bend",
     cable: "a cable may act like gravity",
     eccentric_encoders: "encoder errors once per turn may look like it",
+    gear_efficiency: "the gear may lose more torque in one direction",
     scales_apart: "the scales of the encoders contradict each other",
     gauge_scale: "nothing confirms the scale of the deflection's sensor",
     coil_lag: "the delay of the voltage may be a lag of the coil",
@@ -256,13 +286,14 @@ DOUBTS: Mapping[Doubt, str] = {
     play: LIKE_PLAY,
     another_law: "its hysteresis may follow another law",
     term_law: "friction or damping may follow another law",
+    late_link: "damping of the joint may look like a late link encoder",
     noise_of_the_input: "the input's noise may come from its sensor",
     looks_like_a_term: LIKE_A_TERM,
     looks_like_the_acceleration: HEAVIER,
 }
 """Doubts of a fit with disturbances, each with its text as the main cause of an interval."""
 
-OF_AN_EXACT_FIT: tuple[Doubt, ...] = (scales_apart, lag, term_law)
+OF_AN_EXACT_FIT: tuple[Doubt, ...] = (scales_apart, gear_efficiency, lag, term_law)
 """Doubts of an exact fit: gravity may hide a scale error, a delay a lag, a law another one."""
 
 OF_A_VOLTAGE: tuple[Doubt, ...] = (calibration, further_modes, coil_lag, dead_zone)

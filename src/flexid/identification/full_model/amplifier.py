@@ -24,6 +24,7 @@ from flexid.estimators.state_variable_filter import RowFit
 from flexid.identification.full_model.model import Data, Structure
 from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.preparation.recordings import IDEAL, Amplifier
+from flexid.models.flexible_joint import SHAPE_TERMS
 
 _LARGEST_DEAD_ZONE, _LIMITS = 0.1, (0.1, 1.0)  # of the largest input
 _LEAST_MISFIT = np.finfo(float).tiny  # for a log without noise
@@ -82,6 +83,15 @@ class DrivenBalance:
 
     structure: Structure
     data: Data
+
+    @cached_property
+    def loaded(self) -> Structure:
+        """The structure with friction of the load, which a limit would resemble."""
+        joint, load = self.structure.joint, {*SHAPE_TERMS["load_friction"].coefficients}
+        if not load <= joint.shapes:
+            return self.structure
+        absent = self.structure.absent - load
+        return replace(self.structure, joint=joint.with_shapes_in_least_squares, absent=absent)
 
     @cached_property
     def largest(self) -> float:
@@ -245,7 +255,7 @@ class DrivenBalance:
             for late in [later(own.inputs[:, 0], delay / own.sample_time)]
             for reached in [amplifier.reached(late, own.sample_time)]
         )
-        _, fit = least_squares_start(self.structure, replace(self.data, samples=samples), rate)
+        _, fit = least_squares_start(self.loaded, replace(self.data, samples=samples), rate)
         (row,) = (row for row in fit.rows if row.name in _DRIVEN)
         return row, row.over(self.moves[rate])
 

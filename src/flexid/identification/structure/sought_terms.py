@@ -31,7 +31,6 @@ from flexid.models.flexible_joint import (
     SOUGHT_CONSTANTS,
     SPRING,
     SPRING_CENTRE,
-    STIFFENING,
     STRIBECK_EXPONENT,
     STRIBECK_VELOCITY,
 )
@@ -49,6 +48,7 @@ _BINS = 8  # position bins in a period of the largest number
 _MOST_BINS = 2**18  # of a spectrum
 # Stribeck velocities over the motor's root mean square velocity.
 _VELOCITIES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.28, 2.56)
+_LARGEST_VELOCITY = 3.0  # of Stribeck over the motor's largest: friction falls by 0.1 up to there
 # Reaches of presliding over the range of the motor's motion.
 _REACHES = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
 # Difference of a velocity or a grip to the next clearly distinguishable one, over itself.
@@ -195,6 +195,16 @@ def _lost_in_a_sample(fitted: Fitted) -> float:
     return abs(fitted.by_name.get("alpha_coulomb", 0.0)) * sample_time
 
 
+def _falls(fitted: Fitted) -> bool:
+    """Whether Stribeck friction falls, and by a tenth at least within the motor's velocities."""
+    # Otherwise it stands for Coulomb friction, and its velocity grows without a limit.
+    sides = (fitted.structure.joint.both_sides(samples)[1] for samples in fitted.data.samples)
+    largest = max(float(np.abs(velocities[:, _MOTOR]).max()) for velocities in sides)
+    velocity = abs(fitted.structure.joint.first[STRIBECK_VELOCITY])
+    slow = velocity > _LARGEST_VELOCITY * largest and STRIBECK.is_in(fitted)
+    return fitted.by_name.get("alpha_stribeck", np.inf) > 0.0 and not slow
+
+
 STRIBECK = SoughtShape(
     "friction that falls off its static value",
     frozenset(SHAPE_TERMS["motor_stribeck"].coefficients),
@@ -204,7 +214,7 @@ STRIBECK = SoughtShape(
     _lost_in_a_sample,
     laws=({STRIBECK_EXPONENT: 2.0}, {STRIBECK_EXPONENT: 1.0}),
     rare_laws=({STRIBECK_EXPONENT: 0.5},),
-    is_possible=lambda fitted: fitted.by_name.get("alpha_stribeck", np.inf) > 0.0,
+    is_possible=_falls,
 )
 """Stribeck friction of the motor, and its velocity."""
 
@@ -323,9 +333,8 @@ LOADED = SoughtShape(
 
 PROGRESSIVE = SoughtShape(
     "a spring that stiffens",
-    STIFFENING,
+    frozenset(SHAPE_TERMS["progressive_spring"].coefficients),
     in_place_of=HARDENING,
-    is_possible=lambda fitted: all(fitted.by_name.get(name, 0.0) >= 0.0 for name in STIFFENING),
 )
 """A spring whose stiffness grows with its deflection."""
 
