@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexid.arms.disturbed import NEAR_STEPS, RIVAL, DisturbedFit
-from flexid.arms.fitting import EFFECT_BAND, FittedArm, effect_sizes, link_delays
+from flexid.arms.fitting import EFFECT_BAND, effect_sizes
 from flexid.arms.starts import filtered
+from flexid.arms.unusual import FittedArm, link_delays
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import later
@@ -136,6 +137,12 @@ def other_minima(found: DisturbedFit) -> FloatArray:
     return _directions([rival.values - found.fitted.values for rival in near], found)
 
 
+def other_delays(found: DisturbedFit) -> FloatArray:
+    """Return errors if other delays are right than the fitted ones."""
+    names = found.fitted.names
+    return np.array([[errors.get(name, 0.0) for errors in found.by_delays] for name in names])
+
+
 def unfinished_steps(found: DisturbedFit) -> FloatArray:
     """Return the next step of the fit, which is large if dry friction keeps it from converging."""
     return found.fitted.minimum.reduced.values_step[:, None]
@@ -143,14 +150,24 @@ def unfinished_steps(found: DisturbedFit) -> FloatArray:
 
 def negative_values(found: DisturbedFit) -> FloatArray:
     """Return the changes of all values if a friction fitted as negative is in fact zero."""
-    covariance, moved = found.estimate.covariance, []
-    for place, (name, value) in enumerate(found.fitted.by_name.items()):
-        variance = covariance[place, place]
-        least = -THRESHOLDS.friction_sign * np.sqrt(variance)
-        positive = any(word in name for word in _NEVER_NEGATIVE)
-        if positive and 0.0 < variance < np.inf and value < least:
-            moved.append(-value / variance * covariance[:, place])
+    covariance, values, names = found.estimate.covariance, found.fitted.by_name, found.fitted.names
+    places = {name: names.index(name) for name in _negative(found)}
+    moved = [-values[name] / covariance[k, k] * covariance[:, k] for name, k in places.items()]
     return _directions(moved, found)
+
+
+def driving_frictions(found: DisturbedFit) -> frozenset[str]:
+    """Return the frictions and dampings that came out farther below zero than noise explains."""
+    return frozenset(name for name in _negative(found) if "coupling" not in name)
+
+
+def _negative(found: DisturbedFit) -> Iterator[str]:
+    """Yield values that are never negative, but are here beyond noise."""
+    known = zip(found.fitted.names, found.fitted.values, found.estimate.deviations, strict=True)
+    for name, value, deviation in known:
+        positive = any(word in name for word in _NEVER_NEGATIVE)
+        if positive and 0.0 < deviation < np.inf and value < -THRESHOLDS.friction_sign * deviation:
+            yield name
 
 
 def _directions(moved: Sequence[FloatArray], found: DisturbedFit) -> FloatArray:
@@ -201,6 +218,7 @@ DOUBTS: Mapping[Doubt, str] = {
     halves_of_the_log: OF_A_HALF,
     another_band: OF_A_BAND,
     other_minima: "another set of values explains the log as well",
+    other_delays: "delays of the inputs and of the links' encoders are hard to tell apart",
     unfinished_steps: "the fit does not converge",
     negative_values: "a friction or damping came out negative",
     play: LIKE_PLAY,
