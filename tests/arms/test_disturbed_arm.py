@@ -22,6 +22,7 @@ from flexid.arms.doubts import (
     changes_by_play,
     driving_frictions,
     input_noise,
+    looks_like_a_delay,
     looks_like_the_acceleration,
     noise_of_the_inputs,
     other_minima,
@@ -182,13 +183,32 @@ def test_a_late_link_encoder_is_found():
         assert values[name] == pytest.approx(truth[name], rel=2e-2), name
 
 
-def test_late_encoders_are_no_damping_of_a_disturbed_arm():
-    """Assert that both link encoders half a sample late leave damping and friction right."""
+@cache
+def late() -> DisturbedFit:
+    """Return the fit of that log with link encoders half a sample late."""
     positions = recording().positions.copy()
     for link in positions.T[::2]:
         link[:] = later(link, 0.5)
-    data, truth = arm_data([replace(recording(), positions=positions)]), MADE.truth()
-    found = fit_disturbed(STRUCTURE, data, (truth,))
+    data = arm_data([replace(recording(), positions=positions)])
+    return fit_disturbed(STRUCTURE, data, (MADE.truth(),))
+
+
+def test_a_disturbed_motor_leaves_damping_and_late_encoders_uncertain():
+    """Assert an error of a fitted delay that leaves the link's balance as it is."""
+    assert looks_like_a_delay(disturbed()).shape[1] == 0
+    found = late()
+    first, second = looks_like_a_delay(found).T
+    errors = dict(zip(found.fitted.names, first, strict=True))
+    damping, stiffness = errors["joint_damping_1"], found.values["joint_stiffness_1"]
+    assert damping > 0.0
+    assert errors["link_viscous_friction_1"] == -damping
+    assert errors["link_1_delay"] == pytest.approx(damping / stiffness)
+    assert np.count_nonzero(first) == np.count_nonzero(second) == 3
+
+
+def test_late_encoders_are_no_damping_of_a_disturbed_arm():
+    """Assert that both late link encoders leave damping and friction right."""
+    found, truth = late(), MADE.truth()
     values, deviations = found.fitted.by_name, found.estimate.deviations
     assert INPUT not in values
     for place, name in enumerate(found.fitted.names):
