@@ -343,7 +343,17 @@ def longer() -> DisturbedFit:
     return refitted(replace(job, structure=structure))
 
 
-@pytest.mark.parametrize("error", ["eccentric", "motor's scale", "deflection's scale", "length"])
+def turned() -> DisturbedFit:
+    """Return the fit with gravity stated 1.7 degrees off."""
+    job = disturbed().job
+    arm = replace(ARM, gravity=(9.81 * np.cos(0.03), 9.81 * np.sin(0.03)))
+    structure = replace(job.structure, joint=ElasticArm(planar_arm(arm)))
+    return refitted(replace(job, structure=structure))
+
+
+@pytest.mark.parametrize(
+    "error", ["eccentric", "motor's scale", "deflection's scale", "length", "gravity"]
+)
 def test_a_log_tells_of_an_error_of_its_rig(error: str):
     """Assert that the detected rig error undoes most of the change of values."""
     link, motor = recording().positions.T[:2]
@@ -352,6 +362,7 @@ def test_a_log_tells_of_an_error_of_its_rig(error: str):
         "motor's scale": lambda: shown(1, 0.01 * motor, {}),
         "deflection's scale": lambda: shown(0, 0.1 * (link - motor), {"link_1": "motor_1"}),
         "length": longer,
+        "gravity": turned,
     }[error]()
     done = (wrong.fitted.values - disturbed().fitted.values) / disturbed().estimate.deviations
     without = told_of(replace(wrong, best=disturbed().best, job=disturbed().job))
@@ -373,7 +384,7 @@ def test_a_right_rig_is_hardly_doubted():
     """Assert that for a right rig doubts are mostly below the standard errors."""
     found = disturbed()
     rigs = [*rig_errors(found.fitted, ())]
-    assert len(rigs) == 7  # sine, cosine and scale for two joints, and one length
+    assert len(rigs) == 8  # sine, cosine and scale for two joints, one length, and gravity
     sizes = np.linalg.norm(likely_changes(found.fitted, rigs), axis=1)
     assert np.median(sizes / found.estimate.deviations) < 1.0
 

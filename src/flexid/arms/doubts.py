@@ -342,7 +342,7 @@ def _fitted_spring(
 
 
 LENGTH = 0.005  # relative standard deviation: a ruler misses joints by 1 or 2 mm
-DIRECTION = 0.01  # rad, standard deviation of a slide's direction: half a degree
+DIRECTION = 0.01  # rad, standard deviation of the directions of slides and gravity: half a degree
 
 
 def rig_errors(fitted: FittedArm, deflections: Sequence[int]) -> Iterator[SegmentedMotion]:
@@ -363,9 +363,13 @@ def rig_errors(fitted: FittedArm, deflections: Sequence[int]) -> Iterator[Segmen
                 yield with_sensor_error(fitted, link, error)
     known = fitted.structure.joint.balance.constants
     last = f"l{len(types)}"  # this length has no effect
-    for place, (name, value) in enumerate(known.items()):
-        error = {"l": LENGTH * value, "d": DIRECTION}.get(name[0], 0.0)
-        if error and name != last:
-            constants = fitted.problem.constants.copy()
-            constants[place] += SHARE * error
-            yield replace(fitted.problem, constants=constants)
+    changes = [
+        {name: {"l": LENGTH * value, "d": DIRECTION}[name[0]]}
+        for name, value in known.items()
+        if name[0] in "ld" and name != last
+    ]
+    # Gravity turns with the base, or with the zero of joint 1.
+    changes += [{"gx": -DIRECTION * known["gy"], "gy": DIRECTION * known["gx"]}]
+    for change in filter(lambda one: any(one.values()), changes):
+        errors = np.array([change.get(name, 0.0) for name in known])
+        yield replace(fitted.problem, constants=fitted.problem.constants + SHARE * errors)
