@@ -211,6 +211,7 @@ def test_late_encoders_are_no_damping_of_a_disturbed_arm():
     found, truth = late(), MADE.truth()
     values, deviations = found.fitted.by_name, found.estimate.deviations
     assert INPUT not in values
+    assert len(found.by_delays) == 3  # other delays were compared
     for place, name in enumerate(found.fitted.names):
         if name in ("link_1_delay", "link_2_delay"):
             assert values[name] == pytest.approx(1e-3, abs=5e-5)
