@@ -115,10 +115,15 @@ def written(name: str, text: str) -> Path:
     return Path(name)
 
 
+def scaled_by(scales: Mapping[str, float]) -> str:
+    """Return the text of a column map that scales some positions."""
+    form = '{0} = {{column = "{0}", scale = {1}, unit = "deg"}}\n'
+    return "".join(form.format(*item) for item in scales.items())
+
+
 def scaled(scales: Mapping[str, float]) -> Path:
     """Return a column map that scales some positions."""
-    form = '{0} = {{column = "{0}", scale = {1}, unit = "deg"}}\n'
-    return written("map.toml", "".join(form.format(*item) for item in scales.items()))
+    return written("map.toml", scaled_by(scales))
 
 
 def without_common_samples(path: Path) -> Path:
@@ -162,10 +167,25 @@ def test_what_cannot_be_used(tmp_path: Path, refusals: Any, monkeypatch: pytest.
 
 
 def test_a_joint_may_rest_while_another_one_moves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that one braked joint is reported as resting."""
+    """Assert that one braked joint is reported as resting, and so is one whose map clamps it."""
     monkeypatch.chdir(tmp_path)
     path = log_of(Path("run.csv"))
-    assert [read_arm_log(path, TWO, scaled(one)).resting for one in ({}, BRAKED)] == [(), (2,)]
+    soft = BRAKED | {"link_position_2": 0.7}  # by 0.5 rad
+    maps = [*map(scaled_by, ({}, BRAKED, soft)), "motor_position_2 = 0\n"]
+    found = [read_arm_log(path, TWO, written("map.toml", text)).resting for text in maps]
+    assert found == [(), (2,), (2,), (2,)]
+
+
+def test_a_joint_that_is_held_moves_its_link_more_than_its_motor(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Assert that only a joint that moves far is warned of, in an arm."""
+    monkeypatch.chdir(tmp_path)
+    path = log_of(Path("run.csv"))
+    for link, warned in ((0.5, False), (2.0, True)):
+        scales = scaled({"motor_position_2": 0.1 * link, "link_position_2": link})
+        warnings = read_arm_log(path, TWO, scales).warnings
+        assert any("times as much" in warning for warning in warnings) == warned
 
 
 def test_a_gap_of_one_joint_divides_the_recordings_of_all(tmp_path: Path):

@@ -14,25 +14,30 @@ from benchmarks.arms.log import Motion, simulate
 from test_identify_arm import MADE
 from two_links import ARM
 
+import flexid.arms.disturbed_terms as disturbed_terms
 import flexid.arms.fitting as fitting
-from flexid.arms.disturbed import DisturbedFit, Job, fit_disturbed
+from flexid.arms.disturbed import DisturbedFit, Job
+from flexid.arms.disturbed_terms import fit_disturbed
 from flexid.arms.doubts import (
     changes_by_play,
+    driving_frictions,
     input_noise,
+    looks_like_a_delay,
     looks_like_the_acceleration,
     noise_of_the_inputs,
     other_minima,
     rig_errors,
     with_doubts,
 )
-from flexid.arms.fitting import FittedArm, exact_fits, fit_from_starts, promises, unusual_parts
+from flexid.arms.fitting import exact_fits, fit_from_starts
 from flexid.arms.identify import fixed_parameters
 from flexid.arms.log import arm_data
 from flexid.arms.starts import starts
 from flexid.arms.units import ArmUnits
+from flexid.arms.unusual import FittedArm, promises, unusual_parts
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.channel_timing import INPUT, Timing
+from flexid.estimators.channel_timing import INPUT, Timing, later
 from flexid.estimators.prediction_error import Steps
 from flexid.estimators.samples import Samples, divide
 from flexid.identification.estimation.rig_errors import likely_changes
@@ -178,6 +183,94 @@ def test_a_late_link_encoder_is_found():
         assert values[name] == pytest.approx(truth[name], rel=2e-2), name
 
 
+@cache
+def late() -> DisturbedFit:
+    """Return the fit of that log with link encoders half a sample late."""
+    positions = recording().positions.copy()
+    for link in positions.T[::2]:
+        link[:] = later(link, 0.5)
+    data = arm_data([replace(recording(), positions=positions)])
+    return fit_disturbed(STRUCTURE, data, (MADE.truth(),))
+
+
+def test_a_disturbed_motor_leaves_damping_and_late_encoders_uncertain():
+    """Assert an error of a fitted delay that leaves the link's balance as it is."""
+    assert looks_like_a_delay(disturbed()).shape[1] == 0
+    found = late()
+    first, second = looks_like_a_delay(found).T
+    errors = dict(zip(found.fitted.names, first, strict=True))
+    damping, stiffness = errors["joint_damping_1"], found.values["joint_stiffness_1"]
+    assert damping > 0.0
+    assert errors["link_viscous_friction_1"] == -damping
+    assert errors["link_1_delay"] == pytest.approx(damping / stiffness)
+    assert np.count_nonzero(first) == np.count_nonzero(second) == 3
+
+
+def test_late_encoders_are_no_damping_of_a_disturbed_arm():
+    """Assert that both late link encoders leave damping and friction right."""
+    found, truth = late(), MADE.truth()
+    values, deviations = found.fitted.by_name, found.estimate.deviations
+    assert INPUT not in values
+    assert len(found.by_delays) == 3  # other delays were compared
+    for place, name in enumerate(found.fitted.names):
+        if name in ("link_1_delay", "link_2_delay"):
+            assert values[name] == pytest.approx(1e-3, abs=5e-5)
+        elif "viscous" in name or "damping" in name:
+            assert abs(values[name] - truth[name]) < 4.0 * deviations[place], name
+
+
+LINKS = ("link_1_delay", "link_2_delay")
+KINDS = {"inputs": (INPUT,), "links": LINKS, "both": (INPUT, *LINKS)}
+
+
+def with_delays(cost: float, sought: tuple[str, ...]) -> DisturbedFit:
+    """Return a fit with these delays, a cost, and a friction equal to the number of delays."""
+    made = disturbed()
+    timing = replace(made.job.structure.timing, sought=sought)
+    structure = replace(made.job.structure, timing=timing)
+    fitted = SimpleNamespace(structure=structure, by_name={"friction": len(sought)})
+    best: Any = SimpleNamespace(fitted=fitted, cost=cost)
+    return replace(made, job=replace(made.job, structure=structure), best=best)
+
+
+@pytest.mark.parametrize(
+    ("costs", "chosen", "errors"),
+    [
+        ((-900.0, -1000.0, -1010.0), "links", (-0.98, 0.0, 1.0)),
+        ((-1000.0, -800.0, -1010.0), "inputs", (0.0, 0.255, 2.0)),
+        ((-900.0, -1000.0, -1250.0), "both", (-0.255, -0.25, 0.0)),
+    ],
+)
+def test_delays_of_two_kinds_are_fitted_only_if_one_explains_clearly_less(
+    costs: tuple[float, ...], chosen: str, errors: tuple[float, ...], monkeypatch: Any
+):
+    """Assert the likelier kind of delay, and the errors by the others if they are as likely."""
+    fits = {
+        sought: with_delays(cost, sought)
+        for sought, cost in zip(KINDS.values(), costs, strict=True)
+    }
+
+    def fit(begun: DisturbedFit, parts: Any) -> DisturbedFit:
+        names = {*begun.job.structure.timing.sought, *(name for p in parts for name in p.names)}
+        return fits[tuple(name for name in KINDS["both"] if name in names)]
+
+    monkeypatch.setattr(disturbed_terms, "_with_unusual_terms", fit)
+    found = disturbed_terms.with_likelier_delays(with_delays(0.0, ()), fits[KINDS["both"]])
+    assert found.job.structure.timing.sought == KINDS[chosen]
+    changes = [each["friction"] * np.sqrt(3.0) for each in found.by_delays]
+    assert changes == pytest.approx(errors, rel=0.03)
+
+
+def test_a_friction_surely_below_zero_is_told():
+    """Assert that only frictions beyond four standard deviations below zero drive the arm."""
+    names = ("link_viscous_friction_1", "joint_damping_1", "motor_offset_1", "rotor_coupling_2")
+    found: Any = SimpleNamespace(
+        fitted=SimpleNamespace(names=names, values=[-5.0, -3.0, -9.0, -9.0]),
+        estimate=SimpleNamespace(deviations=[1.0] * 4),
+    )
+    assert driving_frictions(found) == {"link_viscous_friction_1"}
+
+
 def test_a_hardening_spring_is_found():
     """Assert the stiffness at rest and the cubic one, exactly and with noise."""
     truth = CURVED.truth()
@@ -251,7 +344,17 @@ def longer() -> DisturbedFit:
     return refitted(replace(job, structure=structure))
 
 
-@pytest.mark.parametrize("error", ["eccentric", "motor's scale", "deflection's scale", "length"])
+def turned() -> DisturbedFit:
+    """Return the fit with gravity stated 1.7 degrees off."""
+    job = disturbed().job
+    arm = replace(ARM, gravity=(9.81 * np.cos(0.03), 9.81 * np.sin(0.03)))
+    structure = replace(job.structure, joint=ElasticArm(planar_arm(arm)))
+    return refitted(replace(job, structure=structure))
+
+
+@pytest.mark.parametrize(
+    "error", ["eccentric", "motor's scale", "deflection's scale", "length", "gravity"]
+)
 def test_a_log_tells_of_an_error_of_its_rig(error: str):
     """Assert that the detected rig error undoes most of the change of values."""
     link, motor = recording().positions.T[:2]
@@ -260,6 +363,7 @@ def test_a_log_tells_of_an_error_of_its_rig(error: str):
         "motor's scale": lambda: shown(1, 0.01 * motor, {}),
         "deflection's scale": lambda: shown(0, 0.1 * (link - motor), {"link_1": "motor_1"}),
         "length": longer,
+        "gravity": turned,
     }[error]()
     done = (wrong.fitted.values - disturbed().fitted.values) / disturbed().estimate.deviations
     without = told_of(replace(wrong, best=disturbed().best, job=disturbed().job))
@@ -281,7 +385,7 @@ def test_a_right_rig_is_hardly_doubted():
     """Assert that for a right rig doubts are mostly below the standard errors."""
     found = disturbed()
     rigs = [*rig_errors(found.fitted, ())]
-    assert len(rigs) == 7  # sine, cosine and scale for two joints, and one length
+    assert len(rigs) == 8  # sine, cosine and scale for two joints, one length, and gravity
     sizes = np.linalg.norm(likely_changes(found.fitted, rigs), axis=1)
     assert np.median(sizes / found.estimate.deviations) < 1.0
 
@@ -323,7 +427,7 @@ def test_a_step_promises_what_a_fit_brings():
     fitted = fitted_without()
     squares = fitted.minimum.equations.cost
     parts = unusual_parts(STRUCTURE)
-    promised = {part.name: cost for cost, part in promises(fitted, parts)}
+    promised = {part.names[0]: cost for cost, part in promises(fitted, parts[:-1])}
     assert {"cubic_joint_stiffness_2", INPUT, "link_1_delay"} < promised.keys()
     assert min(promised, key=lambda name: promised[name]) == "cubic_joint_stiffness_1"
     structure = parts[0].added(STRUCTURE)

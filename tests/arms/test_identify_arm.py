@@ -15,7 +15,7 @@ from benchmarks.arms.log import Motion, random_motion, save, simulate
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from flexid.arms.identify import doubt_of_negative, identify_arm
+from flexid.arms.identify import doubt_of_negative, identify_arm, negative_springs
 from flexid.arms.log import ArmLog, read_arm_log
 from flexid.errors import FlexidError
 from flexid.identification.vocabulary.evidence import ValueEstimate
@@ -228,3 +228,14 @@ def test_only_what_is_surely_negative_speaks_of_signs(interval: tuple[float, flo
     """Assert that signs are questioned only if the whole interval is negative."""
     found = ValueEstimate("joint_stiffness_1", "N m/rad", -1.0, 1.0, interval, "weak")
     assert words in doubt_of_negative([found])
+
+
+@pytest.mark.parametrize("std", [1.0, np.inf])
+def test_an_unknown_inertia_leaves_the_other_joints_alone(std: float):
+    """Assert that a negative inertia doubts other joints only if its value is known."""
+    found = {
+        name: ValueEstimate(name, "", value, std, (value - 2.0 * std, 2.0 * std), "undetermined")
+        for name, value in (("motor_inertia_1", -3e13), ("motor_inertia_2", 0.1))
+    }
+    ((doubted, _),) = negative_springs(found, ended=False)
+    assert doubted == ({"motor_inertia_1"} if std == np.inf else {*found})

@@ -14,17 +14,13 @@ import numpy as np
 
 from flexid.arms.fitting import (
     COARSER,
-    UNUSUAL_FALL,
-    FittedArm,
     before_the_end,
     estimate_of,
     no_start,
-    promises,
-    unusual_parts,
 )
+from flexid.arms.unusual import UNUSUAL_FALL, FittedArm
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
-from flexid.estimators.channel_timing import Timing
 from flexid.estimators.prediction_error import Steps
 from flexid.estimators.segmented_motion import balance_columns
 from flexid.identification.estimation.band import (
@@ -107,6 +103,7 @@ class DisturbedFit:
     job: Job
     best: ArmInBand
     rivals: tuple[ArmInBand, ...]  # fits from other starts
+    by_delays: tuple[Mapping[str, float], ...] = ()  # errors of the values by other delays
 
     @property
     def fitted(self) -> FittedArm:
@@ -177,15 +174,7 @@ class DisturbedFit:
         return replace(found, horizons=usual), shares
 
 
-def fit_disturbed(
-    structure: Structure[ElasticArm], data: Data, starts: Sequence[Mapping[str, float]]
-) -> DisturbedFit:
-    """Return the likeliest fit from these starts, with unusual terms and delays it needs."""
-    structure = replace(structure, timing=Timing("zero"))
-    return _with_unusual_terms(_likeliest(Job.of(structure, data, starts[0]), starts))
-
-
-def _likeliest(job: Job, starts: Sequence[Mapping[str, float]]) -> DisturbedFit:
+def likeliest_fit(job: Job, starts: Sequence[Mapping[str, float]]) -> DisturbedFit:
     """Return the likeliest fit from the best starts and from the result made physical."""
     possible = [as_physical(job.balance, start) for start in starts]
     ends: list[ArmInBand] = []
@@ -200,25 +189,6 @@ def _likeliest(job: Job, starts: Sequence[Mapping[str, float]]) -> DisturbedFit:
         _add_fit(job, as_physical(job.balance, ends[0].fitted.by_name), ends)
     best, *rivals = ends
     return DisturbedFit(job, best, tuple(rivals))
-
-
-def _with_unusual_terms(found: DisturbedFit) -> DisturbedFit:
-    """Return the fit with each unusual term or delay that makes it clearly likelier."""
-    parts = unusual_parts(found.fitted.structure)
-    while parts:
-        squares, best = _cost(found.fitted), found.best
-        promised, part = min(promises(best.fitted, parts), key=lambda each: each[0])
-        if promised > squares - UNUSUAL_FALL:
-            break
-        parts.remove(part)
-        job = replace(found.job, structure=part.added(found.job.structure))
-        with suppress(ConvergenceError):
-            near = job.in_band.with_gains_of(best.fitted, best.fitted.by_name, NEAR_STEPS)
-            if _cost(near) < squares - UNUSUAL_FALL:
-                other = job.in_band.fit(near.by_name, best.sizes, near)
-                if other.cost < best.cost - UNUSUAL_FALL:
-                    found = DisturbedFit(job, other, ())
-    return found
 
 
 def along_flat_directions(found: DisturbedFit) -> DisturbedFit:
@@ -282,7 +252,7 @@ def creeping(
         _about_to_slip(found, {**held, **start}) for start in (found.fitted.by_name, *starts)
     ]
     with suppress(ConvergenceError):
-        other = _likeliest(job, slipping)
+        other = likeliest_fit(job, slipping)
         if other.best.cost < found.best.cost - UNUSUAL_FALL:
             return other
     return found

@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexid.arms.disturbed import NEAR_STEPS, RIVAL, DisturbedFit
-from flexid.arms.fitting import EFFECT_BAND, FittedArm, effect_sizes, link_delays
+from flexid.arms.fitting import EFFECT_BAND, effect_sizes
 from flexid.arms.starts import filtered
+from flexid.arms.unusual import FittedArm, link_delays
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import later
@@ -46,6 +47,9 @@ from flexid.recording.velocities import position_noise
 _SEED = 1  # of the noise added to inputs
 _NEVER_NEGATIVE = ("friction", "damping", "coupling")  # unless the model is wrong
 _GAPS = np.geomspace(0.02, 1.0, 25)  # half widths over the deflection's standard deviation
+# Part of a motor's disturbance that may look like damping of its joint. Errors of damping on 19
+# logs with late encoders and wrong laws of friction were 0 to 0.3 of the disturbance, and 0.1 RMS.
+_LIKE_DAMPING = 0.1
 _CHANCE = 0.005  # random share of the residual squares: 12 of some 2400 independent rows
 
 Doubt = Callable[[DisturbedFit], FloatArray]
@@ -136,6 +140,12 @@ def other_minima(found: DisturbedFit) -> FloatArray:
     return _directions([rival.values - found.fitted.values for rival in near], found)
 
 
+def other_delays(found: DisturbedFit) -> FloatArray:
+    """Return errors if other delays are right than the fitted ones."""
+    names = found.fitted.names
+    return np.array([[errors.get(name, 0.0) for errors in found.by_delays] for name in names])
+
+
 def unfinished_steps(found: DisturbedFit) -> FloatArray:
     """Return the next step of the fit, which is large if dry friction keeps it from converging."""
     return found.fitted.minimum.reduced.values_step[:, None]
@@ -143,14 +153,24 @@ def unfinished_steps(found: DisturbedFit) -> FloatArray:
 
 def negative_values(found: DisturbedFit) -> FloatArray:
     """Return the changes of all values if a friction fitted as negative is in fact zero."""
-    covariance, moved = found.estimate.covariance, []
-    for place, (name, value) in enumerate(found.fitted.by_name.items()):
-        variance = covariance[place, place]
-        least = -THRESHOLDS.friction_sign * np.sqrt(variance)
-        positive = any(word in name for word in _NEVER_NEGATIVE)
-        if positive and 0.0 < variance < np.inf and value < least:
-            moved.append(-value / variance * covariance[:, place])
+    covariance, values, names = found.estimate.covariance, found.fitted.by_name, found.fitted.names
+    places = {name: names.index(name) for name in _negative(found)}
+    moved = [-values[name] / covariance[k, k] * covariance[:, k] for name, k in places.items()]
     return _directions(moved, found)
+
+
+def driving_frictions(found: DisturbedFit) -> frozenset[str]:
+    """Return the frictions and dampings that came out farther below zero than noise explains."""
+    return frozenset(name for name in _negative(found) if "coupling" not in name)
+
+
+def _negative(found: DisturbedFit) -> Iterator[str]:
+    """Yield values that are never negative, but are here beyond noise."""
+    known = zip(found.fitted.names, found.fitted.values, found.estimate.deviations, strict=True)
+    for name, value, deviation in known:
+        positive = any(word in name for word in _NEVER_NEGATIVE)
+        if positive and 0.0 < deviation < np.inf and value < -THRESHOLDS.friction_sign * deviation:
+            yield name
 
 
 def _directions(moved: Sequence[FloatArray], found: DisturbedFit) -> FloatArray:
@@ -158,15 +178,12 @@ def _directions(moved: Sequence[FloatArray], found: DisturbedFit) -> FloatArray:
 
 
 def looks_like_a_term(found: DisturbedFit) -> FloatArray:
-    """Return errors due to disturbances that resemble a term of their balance.
-
-    The part of a disturbance that may be noise of the input is excluded.
-    """
-    job, torques = found.job, found.disturbing_torques()
-    noise = np.minimum(input_noise(found) / np.maximum(white_noise(found), 1e-300), 1.0)
-    shares = np.array([*found.shares().values()])
-    for each in (torques, shares):
-        each[1::2] *= np.sqrt(1.0 - noise**2)
+    """Return errors due to disturbances that resemble a term of their balance."""
+    job = found.job
+    torques, shares = (
+        each * _beyond_input_noise(found)
+        for each in (found.disturbing_torques(), np.array([*found.shares().values()]))
+    )
     sizes = effect_sizes(job.balance, job.data.samples)
     deviations = {}
     for place, (name, _, term) in enumerate(job.balance.placed()):
@@ -176,6 +193,35 @@ def looks_like_a_term(found: DisturbedFit) -> FloatArray:
         if seen.any():  # a term of two balances: the better one counts
             deviations[name] = float(((part * torques)[seen] / sizes[seen, place]).min())
     return np.diag([deviations.get(name, 0.0) for name in found.fitted.names])
+
+
+def _beyond_input_noise(found: DisturbedFit) -> FloatArray:
+    """Return the part of each disturbance that cannot be noise of the input, shape (n_rows,)."""
+    noise = np.minimum(input_noise(found) / np.maximum(white_noise(found), 1e-300), 1.0)
+    beyond = np.ones(2 * len(noise))
+    beyond[1::2] = np.sqrt(1.0 - noise**2)
+    return beyond
+
+
+def looks_like_a_delay(found: DisturbedFit) -> FloatArray:
+    """Return errors of link encoders' delays due to disturbances that resemble damping.
+
+    In the link's balance a delay resembles damping and friction, so only the motor's balance tells
+    them apart.
+    """
+    job, values = found.job, found.values
+    torques = found.disturbing_torques() * _beyond_input_noise(found)
+    sizes, names = effect_sizes(job.balance, job.data.samples), job.balance.coefficients
+    moved = []
+    for joint, delay in enumerate(link_delays(job.balance), 1):
+        damping, friction = f"joint_damping_{joint}", f"link_viscous_friction_{joint}"
+        motor, stiffness = 2 * joint - 1, values[f"joint_stiffness_{joint}"]
+        size = sizes[motor, names.index(damping)]
+        if delay in found.fitted.names and size > 0.0 and stiffness > 0.0:
+            error = _LIKE_DAMPING * float(torques[motor] / size)
+            errors = {damping: error, friction: -error, delay: error / stiffness}
+            moved.append(np.array([errors.get(name, 0.0) for name in found.fitted.names]))
+    return _directions(moved, found)
 
 
 def looks_like_the_acceleration(found: DisturbedFit) -> FloatArray:
@@ -201,10 +247,12 @@ DOUBTS: Mapping[Doubt, str] = {
     halves_of_the_log: OF_A_HALF,
     another_band: OF_A_BAND,
     other_minima: "another set of values explains the log as well",
+    other_delays: "delays of the inputs and of the links' encoders are hard to tell apart",
     unfinished_steps: "the fit does not converge",
     negative_values: "a friction or damping came out negative",
     play: LIKE_PLAY,
     looks_like_a_term: LIKE_A_TERM,
+    looks_like_a_delay: "an effect that no term describes may look like a late encoder",
     looks_like_the_acceleration: HEAVIER,
 }
 """Each doubt, with the reason to state where it makes up most of an interval."""
@@ -294,7 +342,7 @@ def _fitted_spring(
 
 
 LENGTH = 0.005  # relative standard deviation: a ruler misses joints by 1 or 2 mm
-DIRECTION = 0.01  # rad, standard deviation of a slide's direction: half a degree
+DIRECTION = 0.01  # rad, standard deviation of the directions of slides and gravity: half a degree
 
 
 def rig_errors(fitted: FittedArm, deflections: Sequence[int]) -> Iterator[SegmentedMotion]:
@@ -315,9 +363,13 @@ def rig_errors(fitted: FittedArm, deflections: Sequence[int]) -> Iterator[Segmen
                 yield with_sensor_error(fitted, link, error)
     known = fitted.structure.joint.balance.constants
     last = f"l{len(types)}"  # this length has no effect
-    for place, (name, value) in enumerate(known.items()):
-        error = {"l": LENGTH * value, "d": DIRECTION}.get(name[0], 0.0)
-        if error and name != last:
-            constants = fitted.problem.constants.copy()
-            constants[place] += SHARE * error
-            yield replace(fitted.problem, constants=constants)
+    changes = [
+        {name: {"l": LENGTH * value, "d": DIRECTION}[name[0]]}
+        for name, value in known.items()
+        if name[0] in "ld" and name != last
+    ]
+    # Gravity turns with the base, or with the zero of joint 1.
+    changes += [{"gx": -DIRECTION * known["gy"], "gy": DIRECTION * known["gx"]}]
+    for change in filter(lambda one: any(one.values()), changes):
+        errors = np.array([change.get(name, 0.0) for name in known])
+        yield replace(fitted.problem, constants=fitted.problem.constants + SHARE * errors)

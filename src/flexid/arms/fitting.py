@@ -1,7 +1,6 @@
 """Fit of an arm: least squares, then output error over segments of growing length.
 
-Unusual terms and delays are chosen on the way. One pass over the log predicts the gain of all of
-them, from a quadratic approximation about the current fit.
+Unusual terms and delays are chosen on the way.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -11,89 +10,34 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexid.arms.starts import filtered, starts
+from flexid.arms.unusual import (
+    LINES,
+    UNUSUAL_FALL,
+    FittedArm,
+    Unusual,
+    likeliest,
+    not_in,
+    promises,
+    unusual_parts,
+)
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
-from flexid.estimators.channel_timing import DELAY, INPUT, before_a_lag
-from flexid.estimators.normal_equations import scaled_inverse
+from flexid.estimators.channel_timing import INPUT, before_a_lag
 from flexid.estimators.prediction_error import Steps
 from flexid.estimators.samples import Samples, Segments, divide
 from flexid.identification.full_model.fitting import (
     LONGEST,
-    expanded,
     fit_segments,
     lengths,
     over_longer,
 )
-from flexid.identification.full_model.model import Data, Fitted, Structure
+from flexid.identification.full_model.model import Data, Structure
 from flexid.identification.full_model.starting import by_misfit
 from flexid.identification.preparation.joint import ElasticArm
 from flexid.identification.structure.validation import validate
 from flexid.identification.vocabulary.evidence import Estimate, Validation
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.torque_balance import TorqueBalance
-from flexid.recording.recording import Hold
-
-UNUSUAL_FALL = 25.0
-"""Fall of the weighted squares, over their variance, that an unusual term must bring."""
-
-FittedArm = Fitted[ElasticArm]
-ArmStructure = Structure[ElasticArm]
-
-
-@dataclass(frozen=True)
-class Unusual:
-    """Parameter that may be fitted in addition: of an unusual term, or a channel's delay."""
-
-    name: str
-    hold: Hold | None = None  # how the inputs behave between samples; None keeps it
-
-    def added(self, structure: ArmStructure) -> ArmStructure:
-        """Return the structure with this parameter fitted."""
-        fixed = {name: value for name, value in structure.fixed.items() if name != self.name}
-        timing = replace(structure.timing, hold=self.hold or structure.timing.hold)
-        if self.name not in structure.joint.balance.coefficients:
-            timing = replace(timing, sought=tuple(dict.fromkeys((*timing.sought, self.name))))
-        return replace(structure, fixed=fixed, timing=timing)
-
-
-LINES = Unusual(INPUT, "linear")
-"""Delayed inputs on straight lines between samples; similar to held ones with another delay."""
-
-
-def unusual_parts(structure: ArmStructure) -> list[Unusual]:
-    """Return unusual terms that a structure lacks, and delays of the inputs and of each link."""
-    balance = structure.joint.balance
-    terms = [name for name in balance.unusual if name in structure.fixed]
-    return [*map(Unusual, terms), Unusual(INPUT), *map(Unusual, link_delays(balance))]
-
-
-def link_delays(balance: TorqueBalance) -> tuple[str, ...]:
-    """Return the name of each link encoder's delay; motor encoders have none."""
-    return tuple(f"{row.name}{DELAY}" for row in balance.rows[::2])
-
-
-def promises(fitted: FittedArm, parts: Sequence[Unusual]) -> Iterator[tuple[float, Unusual]]:
-    """Yield the weighted squares that one step with each part is predicted to reach, and the part.
-
-    The fall that the step would bring without the part is not counted.
-    """
-    holds = [part.hold or fitted.structure.timing.hold for part in parts]
-    for hold in dict.fromkeys(holds):
-        own = [part for part, other in zip(parts, holds, strict=True) if other == hold]
-        wide = fitted.structure
-        for part in own:
-            wide = part.added(wide)
-        seen = expanded(wide, fitted)
-        reduced, score = seen.minimum.reduced, seen.minimum.reduced.scores.sum(axis=1)
-        squares = seen.minimum.equations.cost - float(reduced.by_states.sum())
-        for part in own:
-            sought = np.array([name in {*fitted.names, part.name} for name in seen.names])
-            information = reduced.information[np.ix_(sought, sought)]
-            scale = np.sqrt(np.maximum(np.diag(information), 0.0))
-            inverse, _ = scaled_inverse(information, scale)
-            fall = float(score[sought] @ inverse @ score[sought])
-            yield squares - fall + fitted.minimum.reduced.decrement, part
-
 
 COARSER = 0.3
 """Number of integration steps over the usual number, where their error matters little.
@@ -276,22 +220,22 @@ def without_log_lag(data: Data, lag: float) -> Data:
 def _with_better(best: FittedArm, parts: list[Unusual]) -> FittedArm:
     """Return the fit with each part that makes it clearly better, the best predicted first."""
     while parts:
-        promised, part = min(promises(best, parts), key=lambda each: each[0])
-        if not _is_clearly_better(best, promised):
+        promised, part = likeliest(promises(best, parts))
+        if not _is_clearly_better(best, promised, part.least):
             break
         parts.remove(part)
         structure, states = part.added(best.structure), best.minimum.point.initial_states
         segments = best.problem.segments
         with suppress(ConvergenceError):
             other = fit_segments(structure, best.data, segments, best.by_name, states, _ROUGH)
-            if _is_clearly_better(best, other.minimum.equations.cost):
-                best = other
+            if _is_clearly_better(best, other.minimum.equations.cost, part.least):
+                best, parts = other, not_in(structure, parts)
     return best
 
 
-def _is_clearly_better(before: FittedArm, cost: float) -> bool:
+def _is_clearly_better(before: FittedArm, cost: float, least: float = UNUSUAL_FALL) -> bool:
     """Whether the weighted squares fall enough to accept an unusual term."""
-    least = UNUSUAL_FALL * before.excess
+    least = least * before.excess
     if not _near_noise(before):
         least = max(least, _UNUSUAL_SHARE * before.minimum.equations.cost)
     return cost < before.minimum.equations.cost - least

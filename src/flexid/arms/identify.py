@@ -8,15 +8,14 @@ from pathlib import Path
 import numpy as np
 
 import flexid
-from flexid.arms.disturbed import along_flat_directions, creeping, fit_disturbed
-from flexid.arms.doubts import with_doubts
+from flexid.arms.disturbed import along_flat_directions, creeping
+from flexid.arms.disturbed_terms import fit_disturbed
+from flexid.arms.doubts import driving_frictions, with_doubts
 from flexid.arms.fitting import (
-    FittedArm,
     effect_sizes,
     exact_fits,
     explains,
     has_ended,
-    link_delays,
     no_start,
     predicted,
     residual_excess,
@@ -26,6 +25,7 @@ from flexid.arms.log import ArmLog, read_arm_log
 from flexid.arms.result import ArmIdentification, joint_of_name
 from flexid.arms.starts import backward_inputs
 from flexid.arms.units import ArmUnits
+from flexid.arms.unusual import FittedArm, link_delays
 from flexid.errors import ConvergenceError, RecordingError
 from flexid.estimators.channel_timing import DELAY, INPUT, Timing
 from flexid.estimators.excitation import excitation_of_gram
@@ -37,6 +37,7 @@ from flexid.identification.preparation.recordings import Amplifier
 from flexid.identification.result import (
     amplifier_warnings,
     model_warnings,
+    sign_warnings,
     validation_warnings,
 )
 from flexid.identification.vocabulary.evidence import (
@@ -110,6 +111,7 @@ class _ChosenFit:
     periods: Mapping[int, float]  # fit in % of each deflection, predicted over a period
     shares: Mapping[str, float] | None = None  # RMS disturbance over acceleration, or None
     widest: Mapping[str, str] = field(default_factory=dict)  # main reason for an interval
+    driving: frozenset[str] = frozenset()  # frictions that came out negative beyond noise
     reason: str = ""  # why disturbances are needed
     log_lag: float = 0.0  # s, of a filter through which the inputs were logged
 
@@ -145,7 +147,7 @@ def _chosen_fit(
                 raise ConvergenceError("arm", "the fit with disturbances determines no parameter")
             progress("predicting the held-out data")
             runs, shares = disturbed.predicted(), disturbed.shares()
-            rest = shares, widest, reason, exact.log_lag
+            rest = shares, widest, driving_frictions(disturbed), reason, exact.log_lag
             return _ChosenFit(disturbed.fitted, doubted, *runs, *rest)
     if not exact.found:
         raise no_start()
@@ -280,14 +282,24 @@ def _doubts(
         if not share >= PREDICTED and left > UNEXPLAINED:
             weak = weak_spring(f"joint {joint}", "a period", f"{max(share, 0.0):.0f} %")
             yield {f"{name}_{joint}" for name in _OF_A_SPRING}, weak
+    yield from negative_springs(parameters, ended=has_ended(found.fitted))
+
+
+def negative_springs(
+    parameters: Mapping[str, ValueEstimate], *, ended: bool
+) -> Iterator[tuple[set[str], Caution]]:
+    """Yield parameters to declare undetermined because a spring or an inertia came out negative.
+
+    Without an `ended` fit these are those of all joints: it may have diverged, and the links are
+    coupled. But other joints do not depend on a value that the log leaves free.
+    """
     for joint in {*map(joint_of_name, parameters)}:
         own = (parameters.get(f"{name}_{joint}") for name in _POSITIVE)
         negative = [parameter for parameter in own if parameter and parameter.value <= 0.0]
         if negative:
-            # A fit that has not converged may have diverged, and the links are coupled.
-            alone = has_ended(found.fitted)
-            own = {name for name in parameters if joint_of_name(name) == joint or not alone}
-            yield own, doubt_of_negative(negative)
+            alone = ended or all(np.isinf(parameter.std) for parameter in negative)
+            doubted = {name for name in parameters if joint_of_name(name) == joint or not alone}
+            yield doubted, doubt_of_negative(negative)
 
 
 def doubt_of_negative(found: Sequence[ValueEstimate]) -> Caution:
@@ -349,6 +361,7 @@ def _warnings(parameters: dict[str, ValueEstimate], found: _ChosenFit) -> Iterat
     if found.shares is not None:
         disturbances = Disturbances(found.shares, found.fitted.data.samples[0].sample_time)
         yield from model_warnings(ModelError(0.0, 0.0, 0.0), "flexible", 0.0, disturbances)
+        yield from sign_warnings({}, found.driving)
         return
     resting = {f"motor_position_{joint}" for joint in found.fitted.structure.joint.resting}
     fits = found.validation.fit_percent

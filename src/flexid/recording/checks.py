@@ -22,7 +22,7 @@ _SMALLEST_MOTION = 1e-12  # range over the largest value; a smaller one is round
 _MOST_STILL = 20.0  # range over noise of a motor at rest (noise alone gives 9)
 _MOST_STEPS = 3  # of an encoder, between which the position of a side at rest flickers
 _MUCH_FARTHER = 20.0  # motion of the other side over those steps
-_MOST_WINDING = 0.2  # rad of deflection while the motor rests; beyond it an encoder is unplugged
+_MOST_WINDING = 0.6  # rad of deflection while the motor rests; beyond it an encoder is unplugged
 # Correlation of a position with the other one and its curvature, from which on they are of one
 # joint: 0.998 or more in 49 releases, up to 0.92 between positions of different joints.
 _COUPLED = 0.98
@@ -91,9 +91,17 @@ def _flickers(log: Draft, name: str) -> bool:
 
 def is_resting(log: Draft) -> bool:
     """Whether a motor rests, as behind a brake, while the link moves by a deflection at most."""
-    motor, link = log["motor_position"], log.those_of(("link_position", "deflection"))[0]
+    motor = log["motor_position"]
+    if not log.channels["motor_position"].origin.columns:  # clamped, as a column map states
+        return True
     still = np.ptp(motor) <= _MOST_STILL * position_noise(motor)
-    return bool(still and np.ptp(log[link]) <= _MOST_WINDING)
+    return bool(still and _only_winds(log))
+
+
+def _only_winds(log: Draft) -> bool:
+    """Whether the link moves by a deflection at most."""
+    link = log.those_of(("link_position", "deflection"))[0]
+    return bool(np.ptp(log[link]) <= _MOST_WINDING)
 
 
 def _is_constant(values: FloatArray, about: FloatArray) -> bool:
@@ -105,7 +113,7 @@ def _constant_error(log: Draft, name: str, what: str) -> RecordingError:
     found = f"{name} is {what} and carries no information ({_DEAD[name]})"
     reason = f"{found}: record it while it moves"
     if name in ENCODERS:
-        reason += f", or, if that side is clamped, write {name} = 0 in a column map"
+        reason += f", or, if that side is clamped, write {name}{log.number} = 0 in a column map"
     return log.refusal(name, reason)
 
 
@@ -231,7 +239,10 @@ def _has_limit(values: FloatArray) -> bool:
 
 
 def check_two_encoders(log: Draft) -> None:
-    """Check that link and motor position differ, and share one unit and one side of the gear."""
+    """Check that link and motor position differ, and share one unit and one side of the gear.
+
+    A joint of an arm that its drive holds moves little, and its link more than its motor.
+    """
     link, motor = (log[name] for name in ENCODERS)
     correlation = float(np.corrcoef(link, motor)[0, 1])
     factor = float(motor.std() / link.std())
@@ -267,8 +278,9 @@ def check_two_encoders(log: Draft) -> None:
     for reason, is_so in faults.items():
         if is_so:
             raise log.refusal(ENCODERS, reason)
+    is_held = bool(log.number) and larger == "link" and _only_winds(log)
     for odd, is_so in oddities.items():
-        if is_so:
+        if is_so and not is_held:
             log.warn(ENCODERS, odd, Rank.SCALE)
 
 

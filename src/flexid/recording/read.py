@@ -67,7 +67,8 @@ def logs_of_joints(
     parts: Sequence[tuple[Table, MapSource | None]], *, is_stream: bool = False
 ) -> list[Log]:
     """Return the logs of joints in one file; samples that one joint lacks are removed from all."""
-    drafts = [_draft_of(table, columns) for table, columns in parts]
+    numbers = [f"_{joint}" for joint in range(1, len(parts) + 1)] if len(parts) > 1 else [""]
+    drafts = [_draft_of(*part, number) for part, number in zip(parts, numbers, strict=True)]
     keep_common(drafts)
     mend(drafts)
     find_seams(drafts, is_stream=is_stream)
@@ -79,10 +80,10 @@ def logs_of_joints(
     ]
 
 
-def _draft_of(table: Table, columns: MapSource | None) -> Draft:
+def _draft_of(table: Table, columns: MapSource | None, number: str) -> Draft:
     """Channels of one joint, without repeated samples, holes and samples of stuck sensors."""
     channels, warnings = read_channels(table, columns)
-    log = Draft(table.file, channels, [*dict.fromkeys(table.warnings + warnings)])
+    log = Draft(table.file, channels, number, [*dict.fromkeys(table.warnings + warnings)])
     checks.check_magnitude(log)
     drop_repeats(log, table)
     drop_holes(log)

@@ -144,6 +144,7 @@ class Draft:
 
     file: str
     channels: dict[str, Channel]  # with the time
+    number: str = ""  # of the joint, as in _2; empty if there is only one
     warnings: list[str] = field(default_factory=list)
     # samples after which another recording begins, though no time is missing
     seams: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))

@@ -9,12 +9,12 @@ from typing import Any, Literal
 import numpy as np
 
 import flexid
-from flexid.arms.fitting import DELAY, without_log_lag
+from flexid.arms.fitting import without_log_lag
 from flexid.arms.log import ArmLog, arm_data, read_arm_log
 from flexid.arms.result import ArmIdentification
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
-from flexid.estimators.channel_timing import INPUT, Timing
+from flexid.estimators.channel_timing import DELAY, INPUT, Timing
 from flexid.estimators.samples import FEWEST_SAMPLES, Samples, divide
 from flexid.files import RefuseKey
 from flexid.identification.full_model.fitting import motion_at
