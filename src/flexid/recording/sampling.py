@@ -48,7 +48,7 @@ class Grid(NamedTuple):
 
 
 def count_on(log: Draft) -> None:
-    """Let the time go on after a pause wherever it restarts near its first value, with a warning."""
+    """Let the time go on after a pause where it restarts near its first value, with a warning."""
     time, steps = log.time, np.diff(log.time)
     parts = parts_between(steps < 0.0)
     first, *others = parts
