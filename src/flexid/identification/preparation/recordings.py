@@ -190,10 +190,13 @@ def _rest_left_out(whole: Recording, moving: Recording) -> list[str]:
     """Return the warning about rest that was left out, if there is some."""
     if len(moving) == len(whole):
         return []
-    first, last = moving.time[[0, -1]]
+    (began, ended), (first, last) = (one.time[[0, -1]].tolist() for one in (whole, moving))
+    rounding = 0.5 * whole.sample_time
+    rests = [f"long before {first:.4g} s"] if first > began + rounding else []
+    rests += [f"long after {last:.4g} s"] if last < ended - rounding else []
     text = (
-        f"{whole.source}: nothing moves long before {first:.4g} s and long after {last:.4g} s, "
-        f"so only this part was used: record motion alone"
+        f"{whole.source}: nothing moves {' and '.join(rests)}, so only the motion was used: "
+        f"record motion alone"
     )
     return [Caution(text, Rank.NOTE)]
 
