@@ -83,8 +83,28 @@ def test_rest_before_a_motion_changes_nothing(clean):
     result = identify([log(recording(times, *whole))], SETTINGS)
     assert_true(result, COEFFICIENTS)
     assert all(own.std < 1e-3 * own.value for own in result.coefficients.values())
-    assert any("nothing moves long before" in warning for warning in result.warnings)
+    (said,) = (warning for warning in result.warnings if "nothing moves" in warning)
+    assert "nothing moves long before" in said
+    assert "after" not in said  # the motion lasts to the end
     assert sum(map(len, result.recordings)) < 1.2 * len(moving)
+
+
+def test_a_brake_at_both_ends_is_left_out(clean):
+    """Assert true values if a brake holds the motor before and after a motion, with torque on."""
+    (moving,) = clean.recordings
+    count = len(moving) // 3
+    noise = 1e-5 * np.random.default_rng(6).standard_normal((2, count))
+    torque = moving.input
+    link, motor = (
+        np.concatenate((own[0] + before, own, own[-1] + before))
+        for own, before in zip((moving.link_position, moving.motor_position), noise, strict=True)
+    )
+    whole = (link, motor, np.concatenate((torque[-count:], torque, torque[:count])))
+    times = moving.time[0] + SAMPLE_TIME * np.arange(-count, len(moving) + count)
+    result = identify([log(recording(times, *whole))], SETTINGS)
+    assert_true(result, COEFFICIENTS, 2e-3)
+    (said,) = (warning for warning in result.warnings if "a brake or a stop held it" in warning)
+    assert re.search(r"rests before \S+ s and after \S+ s though the input acts", said)
 
 
 def test_a_step_one_way_leaves_room_for_friction():

@@ -222,3 +222,20 @@ def test_large_numbers_as_times():
     log = read_columns({**columns, "time": columns["time"] + 1.7e9})
     assert log.warnings == ()
     assert log.recordings[0].start_time == 0.0
+
+
+def test_a_time_that_restarts():
+    """Assert that trials in one file become recordings, also if samples are lost in them."""
+    whole = joint_columns(900)
+    kept = np.setdiff1d(np.arange(900), np.arange(25, 880, 40))
+    columns = {name: values[kept] for name, values in whole.items()}
+    time = columns["time"]
+    columns["time"] = time - np.select([time < 1.5, time < 3.0], [0.0, 1.5], 3.0)
+    log = read_columns(columns)
+    assert [len(recording) for recording in log.recordings] == [300, 300, 300]
+    for part, recording in enumerate(log.recordings):
+        true = whole["motor_position"][300 * part : 300 * (part + 1)]
+        np.testing.assert_allclose(recording.motor_position, true, rtol=0.0, atol=1e-5)
+    said_of_it = " ".join(log.warnings)
+    assert "restarts after 1.495 s, 1.495 s, so the log was cut there into 3" in said_of_it
+    assert "are missing from" not in said_of_it  # the pauses are no gaps of the log

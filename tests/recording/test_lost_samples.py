@@ -169,6 +169,43 @@ def at_rest(found: Columns, part: slice, place: int, *names: str) -> Columns:
     return found
 
 
+COLUMNS = {"motor_position": "m", "link_position": "l", "motor_torque": "u", "gear_ratio": 50.0}
+
+
+@pytest.mark.parametrize("is_counted", [False, True])
+@pytest.mark.parametrize("wrapped", ["l", "m", "lm"])
+def test_a_wrap_within_a_gap(wrapped: str, is_counted: bool):
+    """Assert smooth positions at all times if encoders wrap where up to three samples are lost."""
+    true, count = without(joint_columns(3000, 0.001), "velocity"), 3000
+    for name, seed in zip(ENCODERS, (4, 5), strict=True):
+        true[name] += 1e-5 * np.random.default_rng(seed).standard_normal(count)
+    link, motor = (true[name] for name in ENCODERS)
+    logged = {"time": true["time"], "u": true["motor_torque"], "l": link, "m": 50.0 * motor}
+    lost = {*range(40, 2960, 60)}
+    for name in wrapped:
+        logged[name] = np.mod(logged[name], 2.0 * np.pi)
+        wraps = np.flatnonzero(np.abs(np.diff(logged[name])) > np.pi)
+        places = wraps[:: 1 + len(wraps) // 10].tolist()
+        lost |= {place + each for n, place in enumerate(places) for each in range(3 - n % 3)}
+    kept = np.setdiff1d(np.arange(count), [*lost])
+    logged = {name: values[kept] for name, values in logged.items()}
+    if is_counted:
+        logged["time"] = true["time"][: len(kept)]
+    (found,) = read_columns(logged, COLUMNS).recordings
+    assert len(found) == count
+    assert np.ptp(found.needed_link_position - link) < 2e-4
+    assert np.ptp(found.motor_position - motor) < 2e-4
+
+
+def test_a_wrap_of_one_sample_is_no_spike():
+    """Assert that an encoder near zero, which wraps for one sample, is not repaired."""
+    found = columns(600, noise=0.0)  # the link turns back once
+    link = found["link_position"] - np.min(found["link_position"]) - 1e-9
+    log = read_columns(found | {"link_position": np.mod(link, 2.0 * np.pi)})
+    assert sum("jumps by a turn" in text for text in log.warnings) == 1
+    assert not any("off the neighbouring ones" in text for text in log.warnings)
+
+
 CASES: dict[str, Columns] = {
     "the beginning": at_rest(columns(), slice(100), 100, *ENCODERS, "motor_torque"),
     "a link to the end": at_rest(columns(), slice(290, None), 290, "link_position"),

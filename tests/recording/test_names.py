@@ -98,6 +98,7 @@ NAMED: dict[str, dict[str, Any]] = {
     ),
     "one beside a second one": named(link_position="SecondaryPosition", motor_position="Position"),
     "a torque that may be the spring's": named(motor_position="q", motor_torque="joint_torque"),
+    "columns of no channel": named() | {"trial": 0 * TIME, "load_torque [N m]": TORQUE},
     "a deflection": named("link") | {"spring_deflection_deg": np.degrees(LINK - MOTOR)},
     "one in another unit": named("link") | {"torsion_V": LINK - MOTOR},
     "a command": named(motor_torque="torque_cmd"),

@@ -157,6 +157,7 @@ OTHERS: dict[str, str] = {
     "a log twice": f"{TEXT}{TEXT}",
     "two times that differ": times_per_channel().replace("\n0.005,", "\n0.006,", 1),
     "degrees in German": headed("time,link_position [Grad],motor_position [Grad],tau", DEGREES),
+    "the same below the names": headed(f"{HEADER}\ns,Grad,Grad,kpm", DEGREES),
     "a share of the rated torque": headed(f"{HEADER} [%]"),
     "thousandths of the rated torque": headed(f"{HEADER} [0.1 % of rated torque]"),
     "a header in two lines": TWO_LINES,

@@ -13,7 +13,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.estimators.samples import samples_of_recording
 from flexid.recording import Log, Recording, position_noise, with_velocities
-from flexid.recording.velocities import integral, is_noise, velocity, while_moving
+from flexid.recording.velocities import integral, is_noise, velocity, while_free, while_moving
 
 MOTION = without(joint_columns(), "torque")
 
@@ -202,3 +202,21 @@ def test_derivatives_and_integrals() -> None:
         errors.append(np.abs(found - np.sin(3.0 * times) / 3.0).max())
     ratios = np.array(errors[:-1]) / errors[1:]
     assert ratios == pytest.approx([4.0, 4.0], abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("held", "size", "seconds", "first"),
+    [(True, 1.0, 1.0, 500), (True, 0.3, 1.0, 0), (True, 1.0, 0.2, 0), (False, 1.0, 1.0, 0)],
+)
+def test_a_brake_holds_a_motor(held: bool, size: float, seconds: float, first: int) -> None:
+    """Assert that a held motor is left out if the torque is large, lasts, and is no noise."""
+    time = np.arange(5000) / 500.0
+    rng = np.random.default_rng(2)
+    is_early = time < seconds
+    acts = np.sin(9.0 * time) if held else rng.standard_normal(5000)
+    motor = np.where(is_early, 0.0, np.sin(2.0 * (time - seconds)))
+    free = while_free(
+        motor + 1e-5 * rng.standard_normal(5000), np.where(is_early, size, 1.0) * acts
+    )
+    assert free.start == pytest.approx(first, abs=5)
+    assert free.stop == 5000

@@ -14,6 +14,7 @@ from flexid.recording.names import (
     common_words,
     folded,
     is_setpoint,
+    may_be_channel,
     named_channel,
     nearest_name,
     quoted,
@@ -128,10 +129,16 @@ class _Plan:
         taken = {header for recipe in self.found.values() for header in recipe.weights}
         # An unnamed column numbers the rows, or follows from a trailing separator.
         unused = [n for n in self.table.names if n not in taken and not _UNNAMED.match(n)]
-        if unused and not (self.is_mapped or self.table.kinds):
-            are, it = ("is", "it") if len(unused) == 1 else ("are", "them")
-            what = f"{quoted(unused)} {are} not used"
-            self.warnings.append(f"{what}: if needed, assign {it} in a column map")
+        if self.is_mapped or self.table.kinds:
+            return
+        is_whole = all(self.available & {*_NEEDED[side]} for side in (_LINK, _INPUT))
+        spare = [n for n in unused if not is_whole or may_be_channel(n)]
+        if spare:
+            it = "it" if len(spare) == 1 else "them"
+            advice = f": if needed, assign {it} in a column map"
+            self.warnings.append(f"{_not_used(spare)}{advice}")
+        if len(spare) < len(unused):
+            self.warnings.append(_not_used([n for n in unused if n not in spare]))
 
     def _refusal(self, reason: str) -> RecordingError:
         return RecordingError(self.table.file, self.table.header, reason)
@@ -324,6 +331,10 @@ class _Plan:
         if missing == ["time"]:
             remedy += "; for rows without a time, write sample_time = 0.001 for 1 ms there"
         raise self._refusal(f"there is no {lacks}; {found}: {remedy}")
+
+
+def _not_used(columns: Collection[str]) -> str:
+    return f"{quoted(columns)} {'is' if len(columns) == 1 else 'are'} not used"
 
 
 def _likely(missing: Iterable[str], columns: Collection[str]) -> Iterator[tuple[str, str]]:

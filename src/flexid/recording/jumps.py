@@ -182,6 +182,11 @@ def _unwrapped(log: Draft, name: str) -> tuple[FloatArray, float]:
     return without_wraps(log.time, values, turn, log.joint)
 
 
+def unwrapped(log: Draft, name: str) -> FloatArray:
+    """Return a channel without the wraps of an encoder; `log` keeps them."""
+    return _unwrapped(log, name)[0] if name in ENCODERS else log[name]
+
+
 def _motor_turn(log: Draft, name: str) -> float:
     """Turn of the motor at the link's side of the gear; 0 if the encoder is at that side."""
     ratio = log.channels[name].origin.ratio

@@ -367,6 +367,22 @@ def is_setpoint(header: str) -> bool:
     return is_asked or not {"error", "err"}.isdisjoint(words.all)
 
 
+def may_be_channel(header: str) -> bool:
+    """Return whether a name or its unit states a quantity of a channel, or a side of the joint.
+
+    >>> may_be_channel("tau_2"), may_be_channel("trial"), may_be_channel("load_torque [N m]")
+    (True, False, False)
+    """
+    bare, unit = split_header(header)
+    words = words_of(bare)
+    if words is None:
+        return True
+    measured = {*words.quantities, quantity_of(unit) if unit else None}
+    if "link" in words.sides:  # no channel is a torque at the link
+        return measured.isdisjoint(_INPUTS)
+    return bool(words.sides or measured - {None, "time"})
+
+
 def nearest_name(word: str, candidates: Iterable[str]) -> str:
     """Return "(did you mean …?)" with the candidate closest to a word; empty if none is close."""
     by_lower = {name.lower(): name for name in candidates if len(name) <= LONGEST}

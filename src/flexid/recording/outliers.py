@@ -11,6 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
+from flexid.recording.jumps import unwrapped
 from flexid.recording.late_stamps import even_with_losses
 from flexid.recording.lost_samples import (
     CLEAR,
@@ -52,7 +53,7 @@ def mend(logs: Sequence[Draft]) -> None:
     with np.errstate(all="ignore"):  # values are not yet checked
         for log, name in sensors:
             _mend_spikes(log, name)
-        positions = [log[name] for log, name in sensors if np.ptp(log[name])]
+        positions = [unwrapped(log, name) for log, name in sensors if np.ptp(log[name])]
         _take_even_times(logs, positions)
         counted = even_times(first.time, positions)
         if counted is not None:
@@ -113,7 +114,7 @@ def _take_even_times(logs: Sequence[Draft], positions: list[FloatArray]) -> None
 def _check_all_lost(logs: Sequence[Draft], time: FloatArray, lost: NDArray[np.int64]) -> None:
     """Raise if one joint of several has lost samples that the others have."""
     for log in logs if len(logs) > 1 else ():
-        own = [log[name] for name in log.those_of(POSITIONS) if np.ptp(log[name])]
+        own = [unwrapped(log, name) for name in log.those_of(POSITIONS) if np.ptp(log[name])]
         places = np.flatnonzero(lost_samples(own, time) > lost)
         if len(places) >= FEWEST_PLACES:
             raise log.refusal(
@@ -125,21 +126,41 @@ def _check_all_lost(logs: Sequence[Draft], time: FloatArray, lost: NDArray[np.in
 
 def _put_back(log: Draft, lost: NDArray[np.int64], time: FloatArray) -> None:
     """Interpolate lost samples at the times `time`; inputs without overshoot, as they may step."""
-    log["time"] = time
     if not lost.any():
+        log["time"] = time
         return
     kept = logged_indices(lost)
+    log["time"] = time[kept]
     every = np.arange(kept[-1] + 1.0)
     for name in log.names:
-        there = log[name]
-        log[name] = interpolated(kept.astype(np.float64), there, every, held=name in INPUTS)
+        there, smooth = log[name], unwrapped(log, name)
+        found = interpolated(kept.astype(np.float64), smooth, every, held=name in INPUTS)
+        log[name] = _with_wraps(found, there, there - smooth, 1 + lost)
         log[name][kept] = there
+    log["time"] = time
+
+
+def _with_wraps(
+    unwrapped_values: FloatArray, logged: FloatArray, turns: FloatArray, counts: NDArray[np.int64]
+) -> FloatArray:
+    """Add an encoder's turns to each logged sample and to those put back after it.
+
+    Where an encoder wraps within a gap, the samples that would leave its range have wrapped.
+    """
+    before = unwrapped_values + np.repeat(turns, np.append(counts, 1))
+    after = unwrapped_values + np.append(np.repeat(turns[1:], counts), turns[-1])
+    is_within = (logged.min() <= before) & (before <= logged.max())
+    return np.where(is_within, before, after)
 
 
 def _mend_spikes(log: Draft, name: str) -> None:
     """Replace the spikes of a position if they are few."""
     values = log[name].copy()
-    places, sizes = _spikes(values, ~are_gaps(log.time))
+    even = ~are_gaps(log.time)
+    places, sizes = _spikes(values, even)
+    if len(places):  # an encoder may also wrap for a single sample
+        is_spike = np.isin(places, _spikes(unwrapped(log, name), even)[0])
+        places, sizes = places[is_spike], sizes[is_spike]
     if not 0 < len(places) <= max(1.0, _MOST * len(values)):
         return
     values[places] -= sizes

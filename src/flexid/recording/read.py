@@ -23,6 +23,7 @@ from flexid.recording.sampling import (
     MOST_GAPS,
     Grid,
     are_gaps,
+    count_on,
     drop_repeats,
     even_grid,
     interpolated,
@@ -85,6 +86,7 @@ def _draft_of(table: Table, columns: MapSource | None, number: str) -> Draft:
     channels, warnings = read_channels(table, columns)
     log = Draft(table.file, channels, number, [*dict.fromkeys(table.warnings + warnings)])
     checks.check_magnitude(log)
+    count_on(log)
     drop_repeats(log, table)
     drop_holes(log)
     integrate_velocities(log)

@@ -148,6 +148,7 @@ class Draft:
     warnings: list[str] = field(default_factory=list)
     # samples after which another recording begins, though no time is missing
     seams: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    restarts: tuple[float, ...] = ()  # times after which the time in the file restarts, in s
 
     def __getitem__(self, name: str) -> FloatArray:
         return self.channels[name].values

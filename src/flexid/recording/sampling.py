@@ -32,6 +32,8 @@ _OF_STAMPS = (
     "apart, so write the date too; and write all zeros after the point"
 )
 ROUNDED = 1.05  # range of the rounding error in last digits: 1, and the error of the fitted line
+_NEAR_FIRST = 0.1  # of the shortest part: distance from the first time at which the time restarts
+_PAUSE = 10.0  # sample times between the end of a part and a restart of the time
 _UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # in s
 _SLOW = 0.05  # s, of a sample time that may be in another unit: 0.1 ms read as s are 0.1 s
 _MOST_PER_DIGIT = 4.0  # samples with the same time; with more the line is too uncertain
@@ -43,6 +45,37 @@ class Grid(NamedTuple):
     sample_time: float  # common to all recordings, in s
     recordings: tuple[slice, ...]  # the samples of each
     resample: bool = False  # whether stamps deviate from the even grid by more than rounding
+
+
+def count_on(log: Draft) -> None:
+    """Let the time go on after a pause where it restarts near its first value, with a warning."""
+    time, steps = log.time, np.diff(log.time)
+    parts = parts_between(steps < 0.0)
+    first, *others = parts
+    if not others or min(part.stop - part.start for part in parts) < FEWEST_SAMPLES:
+        return
+    spans = [float(time[part.stop - 1] - time[part.start]) for part in parts]
+    is_near = all(abs(time[part.start] - time[0]) < _NEAR_FIRST * min(spans) for part in others)
+    if not is_near or any(_are_same(log, first, part) for part in others):
+        return
+    ends = np.array([part.start - 1 for part in others])
+    log.warn(
+        "time",
+        f"it restarts after {log.at(ends)}, so the log was cut there into {len(parts)} "
+        f"recordings: write a file for each, or a time that goes on",
+        Rank.DATA,
+    )
+    pause = _PAUSE * float(np.median(steps))
+    back = np.zeros(len(time))
+    back[ends + 1] = pause - steps[ends]
+    log["time"] = time + np.cumsum(back)
+    log.restarts = tuple(log.time[ends].tolist())
+
+
+def _are_same(log: Draft, one: slice, other: slice) -> bool:
+    """Whether two parts of a log are equal, as in a log that was written twice."""
+    values = (log[name] for name in log.names)
+    return all(np.array_equal(own[one], own[other], equal_nan=True) for own in values)
 
 
 def drop_repeats(log: Draft, table: Table) -> None:
@@ -82,9 +115,10 @@ def _order_error(log: Draft, table: Table, is_next: NDArray[np.bool_]) -> Record
     if not is_stamped and len(forward):  # the cause may be a wrong unit of the time
         check_typical(log.file, log.channels["time"].place, float(np.median(forward)), forward)
     before, now = f"{time[index - 1]:.9g}", f"{time[index]:.9g}"
+    restarts = abs(time[index] - time[0]) < _NEAR_FIRST * (time[index - 1] - time[0])
+    sort = "" if restarts else "sort the rows, or "  # which would mix two runs
     reason = (
-        f"time runs backwards (from {before} s to {now} s): sort the rows, or cut the file there "
-        f"into two logs"
+        f"time runs backwards (from {before} s to {now} s): {sort}cut the file there into two logs"
         if is_back
         else f"time repeats ({now} s): remove the repeated row, or write the time with more digits"
     )
@@ -302,8 +336,12 @@ def _warn_of_gaps(
     log: Draft, is_gap: NDArray[np.bool_], parts: list[slice], recordings: list[slice]
 ) -> None:
     """Warn of gaps, and of parts between cuts that are too short for a recording."""
-    if is_gap.any():
-        gaps = log.spans((place, place + 1) for place in np.flatnonzero(is_gap).tolist())
+    gaps = log.spans(
+        (place, place + 1)
+        for place in np.flatnonzero(is_gap).tolist()
+        if log.time[place] not in log.restarts
+    )
+    if gaps:
         count = f"{len(recordings)} recording{'' if len(recordings) == 1 else 's'}"
         log.warn(
             "",

@@ -39,7 +39,8 @@ class UnitError(Exception):
 
 def is_usual(text: str) -> bool:
     """Whether a text is a unit of any quantity, in a common spelling."""
-    return text in _USUAL or (len(text) > 1 and _spelled(text) is not None)
+    is_known = text in _USUAL or text.lower() in _GRAD
+    return is_known or (len(text) > 1 and _spelled(text) is not None)
 
 
 def unit_of_word(text: str) -> str | None:

@@ -27,6 +27,8 @@ _CACHED = 64  # channels whose results are cached
 CHANCE = 6.0  # standard deviations: threshold of the tests for white noise
 _AT_REST = 8.0  # standard deviations of a position's noise: two of 1e5 samples differ by 6
 _FAINT = 0.05  # threshold of rest over a position's range, above which a slow start resembles rest
+_HELD = 0.05  # least share of a log in which a brake holds the motor: friction may, for a moment
+_DRIVEN = 0.5  # variation of an input while a brake holds the motor, over that in motion
 _REST_KEPT = 0.1  # rest kept at either end, over the motion: longer rest only adds noise
 
 
@@ -87,6 +89,25 @@ def while_moving(positions: Sequence[FloatArray]) -> slice:
         return slice(0, count)
     kept = int(_REST_KEPT * (last - first))
     return slice(max(first - kept, 0), min(last + kept, count))
+
+
+def while_free(motor: FloatArray, acts: FloatArray) -> slice:
+    """Return the samples of a motor without those at either end in which a brake holds it.
+
+    The input acts there as in motion, but the motor rests. Friction alone holds it in less torque,
+    and in a rest without a command the input is noise.
+    """
+    count, within = len(motor), _AT_REST * position_noise(motor)
+    if np.ptp(motor) * _FAINT < within:
+        return slice(0, count)
+    first = int(np.argmax(np.abs(motor - motor[0]) > within))
+    last = count - int(np.argmax(np.abs(motor - motor[-1])[::-1] > within))
+    least = _DRIVEN * float(np.std(acts[first:last]))
+    is_held = [
+        len(part) > _HELD * count and float(np.std(part)) > least and not is_noise(part)
+        for part in (acts[:first], acts[last:])
+    ]
+    return slice(first if is_held[0] else 0, last if is_held[1] else count)
 
 
 def is_noise(values: FloatArray) -> bool:

@@ -15,7 +15,13 @@ from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.settings import Auto
 from flexid.models.motion import JointType, unit_of
 from flexid.recording.recording import Caution, Hold, Log, Rank, Recording
-from flexid.recording.velocities import is_noise, position_noise, while_moving, with_velocities
+from flexid.recording.velocities import (
+    is_noise,
+    position_noise,
+    while_free,
+    while_moving,
+    with_velocities,
+)
 
 _FEWEST_TRAINING_SAMPLES = 50
 _FEWEST_HELD_OUT_SAMPLES = 10
@@ -132,11 +138,12 @@ def prepare(
         for group, log in enumerate(logs)
         for recording in log.recordings
     ]
-    recordings = [(group, _while_moving(recording)) for group, recording in every]
+    free = [(group, _while_free(recording)) for group, recording in every]
+    recordings = [(group, _while_moving(recording)) for group, recording in free]
     rigid += [
         warning
-        for (_, whole), (_, moving) in zip(every, recordings, strict=True)
-        for warning in _rest_left_out(whole, moving)
+        for (_, whole), (_, driven), (_, moving) in zip(every, free, recordings, strict=True)
+        for warning in (*_hold_left_out(whole, driven), *_rest_left_out(driven, moving))
     ]
     kept = _long_enough(recordings, share)
     warnings = rigid + [
@@ -188,14 +195,38 @@ def _while_moving(recording: Recording) -> Recording:
 
 def _rest_left_out(whole: Recording, moving: Recording) -> list[str]:
     """Return the warning about rest that was left out, if there is some."""
-    if len(moving) == len(whole):
-        return []
-    first, last = moving.time[[0, -1]]
     text = (
-        f"{whole.source}: nothing moves long before {first:.4g} s and long after {last:.4g} s, "
-        f"so only this part was used: record motion alone"
+        f"{whole.source}: nothing moves {_left_ends(whole, moving, 'long ')}, so only the motion "
+        f"was used: record motion alone"
     )
-    return [Caution(text, Rank.NOTE)]
+    return [] if len(moving) == len(whole) else [Caution(text, Rank.NOTE)]
+
+
+def _while_free(recording: Recording) -> Recording:
+    """Return the recording without the ends at which a brake holds the motor against the input."""
+    if recording.input is None or not np.ptp(recording.motor_position):
+        return recording
+    free = while_free(recording.motor_position, recording.input)
+    is_whole = free == slice(0, len(recording))
+    return recording if is_whole else recording.window(free.start, free.stop)
+
+
+def _hold_left_out(whole: Recording, free: Recording) -> list[str]:
+    """Return the warning about the ends at which a brake holds the motor, if there are some."""
+    text = (
+        f"{whole.source}: the motor rests {_left_ends(whole, free)} though the input acts, as if a "
+        f"brake or a stop held it, so these samples were left out: log while the motor is free"
+    )
+    return [] if len(free) == len(whole) else [Caution(text, Rank.DATA)]
+
+
+def _left_ends(whole: Recording, part: Recording, how: str = "") -> str:
+    """Ends of a recording that a part leaves out, as times for a message."""
+    (began, ended), (first, last) = (one.time[[0, -1]].tolist() for one in (whole, part))
+    rounding = 0.5 * whole.sample_time
+    before = [f"{how}before {first:.4g} s"] if first > began + rounding else []
+    after = [f"{how}after {last:.4g} s"] if last < ended - rounding else []
+    return " and ".join(before + after)
 
 
 def _left_out(source: str, short: list[Recording]) -> str:

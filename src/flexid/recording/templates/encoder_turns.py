@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flexid.kernels.templates.compiled import *
 
 TURN = 2.0 * np.pi
-NEAR = 3.5  # most sample times between readings for a jump to count as a wrap: two may be lost
+NEAR = 4.5  # most sample times between readings for a jump to count as a wrap: three may be lost
 PERSISTENT = 3  # readings in a row a quarter turn off the prediction that are real motion
 SLACK = 0.01  # turns by which the range of readings may exceed the period
 
