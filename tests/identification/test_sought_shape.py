@@ -306,8 +306,9 @@ def test_followed_candidates_on_a_scale_lie_apart(monkeypatch, best, followed):
 def test_friction_that_rises_with_the_speed_is_no_stribeck_friction():
     """Assert that a negative Stribeck friction does not count as seen."""
     for size, seen in ((1.0, True), (-1.0, False)):
-        own = fitted(made(4, 4.0)).structure
-        fit: Any = SimpleNamespace(by_name={"alpha_stribeck": size}, structure=own)
+        plain = fitted(made(4, 4.0))
+        own = plain.structure
+        fit: Any = SimpleNamespace(by_name={"alpha_stribeck": size}, structure=own, data=plain.data)
         assert replace(STRIBECK, least=lambda _: 0.0).is_seen_in(fit) == seen
 
 
@@ -415,7 +416,8 @@ def test_the_likeliest_law_stays(monkeypatch, excess, slow, size, tried, ended):
     )
     monkeypatch.setattr(FitsByLength, "with_term", lambda _, found, __: found)
     by_length = FitsByLength((first,), cast(Any, (range(SAME),)), True, ("cubic",), "")
-    shape = replace(STRIBECK, least=lambda _: 0.0)
+    rises = {"is_possible": lambda fitted: fitted.by_name.get("alpha_stribeck", 1.0) > 0.0}
+    shape = replace(STRIBECK, least=lambda _: 0.0, **rises)
     found: Any = fit_with_shape(shape, by_length, first, [], lambda _: None, THRESHOLDS)
     assert starts == tried
     assert [law(fit.structure) for fit in found] == ended

@@ -85,13 +85,14 @@ class DrivenBalance:
     data: Data
 
     @cached_property
-    def loaded(self) -> Structure:
-        """The structure with friction of the load, which a limit would resemble."""
+    def loaded(self) -> "DrivenBalance":
+        """The balance with friction of the load, which a limit resembles."""
         joint, load = self.structure.joint, {*SHAPE_TERMS["load_friction"].coefficients}
         if not load <= joint.shapes:
-            return self.structure
+            return self
         absent = self.structure.absent - load
-        return replace(self.structure, joint=joint.with_shapes_in_least_squares, absent=absent)
+        wider = replace(self.structure, joint=joint.with_shapes_in_least_squares, absent=absent)
+        return DrivenBalance(wider, self.data)
 
     @cached_property
     def largest(self) -> float:
@@ -131,12 +132,17 @@ class DrivenBalance:
                 remaining = self.misfits(best)
                 saved = least if getattr(found, field) == getattr(IDEAL, field) else _REFINED
                 if _is_crossed(self.data, best) and np.all(remaining < (1.0 - saved) * left):
-                    if field == "limit" and np.any(
-                        remaining > (1.0 - saved) * self.sharpened(found)
-                    ):
+                    if field == "limit" and not self._is_limit(best, found, remaining, 1.0 - saved):
                         continue
                     found, left = best, remaining
         return found
+
+    def _is_limit(
+        self, limited: Amplifier, found: Amplifier, remaining: FloatArray, share: float
+    ) -> bool:
+        """Whether neither a filter of the log nor friction of the load does what a limit does."""
+        with_load = self.loaded.misfits(limited) < share * self.loaded.misfits(found)
+        return bool(np.all(with_load) and np.all(remaining <= share * self.sharpened(found)))
 
     def with_log_lag(self, amplifier: Amplifier, likely: float) -> Amplifier:
         """Return the amplifier with the log's filter of best fit, searched from `likely` in s."""
@@ -255,7 +261,7 @@ class DrivenBalance:
             for late in [later(own.inputs[:, 0], delay / own.sample_time)]
             for reached in [amplifier.reached(late, own.sample_time)]
         )
-        _, fit = least_squares_start(self.loaded, replace(self.data, samples=samples), rate)
+        _, fit = least_squares_start(self.structure, replace(self.data, samples=samples), rate)
         (row,) = (row for row in fit.rows if row.name in _DRIVEN)
         return row, row.over(self.moves[rate])
 
