@@ -155,6 +155,9 @@ def test_a_spring_to_the_base_is_no_error_of_scales():
     found = doubted(apart=0.02)
     alone: Any = SimpleNamespace(**{**vars(found.fitted), "names": (*NAMES, "theta_parallel")})
     assert not doubts.scales_apart(replace(found, fitted=alone)).size
+    link: Any = SimpleNamespace(**{**vars(alone), "names": ("theta2", "theta_parallel")})
+    link.values = np.array([100.0, 3.0])
+    assert doubts.scales_apart(replace(found, fitted=link)).size  # no motor's balance
 
 
 def test_a_hysteresis_may_follow_another_law():

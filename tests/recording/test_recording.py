@@ -1,6 +1,7 @@
 """Recordings, their derived velocities and estimated noise, against closed forms."""
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from math import pi, sqrt
 
@@ -220,3 +221,25 @@ def test_a_brake_holds_a_motor(held: bool, size: float, seconds: float, first: i
     )
     assert free.start == pytest.approx(first, abs=5)
     assert free.stop == 5000
+
+
+def step(time: np.ndarray) -> np.ndarray:
+    """Return a torque that begins after 1 s."""
+    return np.where(time < 1.0, 0.0, 5.0)
+
+
+def ramp(time: np.ndarray) -> np.ndarray:
+    """Return a torque that grows."""
+    return time
+
+
+@pytest.mark.parametrize(("torque", "moves"), [(step, 1.01), (ramp, 6.0), (step, 11.0)])
+def test_a_motor_at_rest_is_not_held(
+    torque: Callable[[np.ndarray], np.ndarray], moves: float
+) -> None:
+    """Assert that all stays of a step, a ramp against friction, and a motor that never moves."""
+    time = np.arange(5000) / 500.0
+    rng = np.random.default_rng(2)
+    motor = np.maximum(time - moves, 0.0) ** 2 + 1e-5 * rng.standard_normal(5000)
+    acts = torque(time) + 0.01 * rng.standard_normal(5000)
+    assert while_free(motor, acts) == slice(0, 5000)

@@ -99,9 +99,9 @@ def is_resting(log: Draft) -> bool:
 
 
 def _only_winds(log: Draft) -> bool:
-    """Whether the link moves by a deflection at most."""
+    """Whether a link that turns moves by a deflection at most."""
     link = log.those_of(("link_position", "deflection"))[0]
-    return bool(np.ptp(log[link]) <= _MOST_WINDING)
+    return log.joint == "revolute" and bool(np.ptp(log[link]) <= _MOST_WINDING)
 
 
 def _is_constant(values: FloatArray, about: FloatArray) -> bool:

@@ -28,6 +28,7 @@ CHANCE = 6.0  # standard deviations: threshold of the tests for white noise
 _AT_REST = 8.0  # standard deviations of a position's noise: two of 1e5 samples differ by 6
 _FAINT = 0.05  # threshold of rest over a position's range, above which a slow start resembles rest
 _HELD = 0.05  # least share of a log in which a brake holds the motor: friction may, for a moment
+_RELEASED = 0.8  # input at the end of a rest over its largest before, from which friction gave way
 _DRIVEN = 0.5  # variation of an input while a brake holds the motor, over that in motion
 _REST_KEPT = 0.1  # rest kept at either end, over the motion: longer rest only adds noise
 
@@ -94,20 +95,25 @@ def while_moving(positions: Sequence[FloatArray]) -> slice:
 def while_free(motor: FloatArray, acts: FloatArray) -> slice:
     """Return the samples of a motor without those at either end in which a brake holds it.
 
-    The input acts there as in motion, but the motor rests. Friction alone holds it in less torque,
-    and in a rest without a command the input is noise.
+    The input acts there as in motion, but the motor rests. In a rest without a command the input is
+    noise. Friction alone lets the motor go at the largest input so far. The half of a rest next to
+    the motion does not count, since a step of the input is part of it.
     """
     count, within = len(motor), _AT_REST * position_noise(motor)
     if np.ptp(motor) * _FAINT < within:
         return slice(0, count)
     first = int(np.argmax(np.abs(motor - motor[0]) > within))
     last = count - int(np.argmax(np.abs(motor - motor[-1])[::-1] > within))
+    if first >= last:
+        return slice(0, count)
     least = _DRIVEN * float(np.std(acts[first:last]))
+    before, after = acts[:first], acts[last:]
     is_held = [
-        len(part) > _HELD * count and float(np.std(part)) > least and not is_noise(part)
-        for part in (acts[:first], acts[last:])
+        len(rest) > _HELD * count and float(np.std(outer)) > least and not is_noise(outer)
+        for rest, outer in ((before, before[: first // 2]), (after, after[len(after) // 2 :]))
     ]
-    return slice(first if is_held[0] else 0, last if is_held[1] else count)
+    released = first > 0 and abs(acts[first]) > _RELEASED * np.abs(before).max()
+    return slice(first if is_held[0] and not released else 0, last if is_held[1] else count)
 
 
 def is_noise(values: FloatArray) -> bool:

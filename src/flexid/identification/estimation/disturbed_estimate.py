@@ -103,7 +103,8 @@ def by_damping(found: Disturbed, data: Data) -> FloatArray | None:
     """
     fitted, structure = found.fitted, found.fitted.structure
     names, values = fitted.names, fitted.by_name
-    if not {LINK, "alpha1"} <= values.keys() or not DAMPING.isdisjoint(names):
+    is_absent = DAMPING.isdisjoint({*names, *structure.fixed})
+    if not ({LINK, "alpha1"} <= values.keys() and is_absent):
         return None
     other = replace(structure, absent=structure.absent - DAMPING).without({LINK})
     start = {**values, "alpha_damping": values["alpha1"] * values[LINK]}

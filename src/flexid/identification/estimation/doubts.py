@@ -44,7 +44,7 @@ LIKE_THE_ACCELERATION = 1.0
 LINK_GRAVITY = frozenset(
     c for term in ("gravity", "gravity_cosine") for c in declared.TERMS[term].link
 )
-PARALLEL = frozenset(declared.SHAPE_TERMS["parallel_spring"].coefficients)
+_PARALLEL = frozenset(declared.SHAPE_TERMS["parallel_spring"].coefficients)
 _MOTOR_SPRINGS = frozenset(motor for motor, *_ in declared.TIES.values()) | {declared.SPRING[1]}
 _VISCOUS = declared.coefficients_of("motor_viscous")
 
@@ -118,7 +118,8 @@ def eccentric_encoders(doubted: Doubted) -> FloatArray:
 
 def scales_apart(doubted: Doubted) -> FloatArray:
     """Return errors by different scales of two encoders, mainly of gravity, through the spring."""
-    if not PARALLEL.isdisjoint(doubted.fitted.names):
+    names = {*doubted.fitted.names}
+    if not _PARALLEL.isdisjoint(names) and declared.SPRING[1] in names:
         return doubted.none  # the motor's balance has shown which of both it is
     share = doubted.fitted.data.scales_apart
     pull = abs(doubted.fitted.by_name.get("theta2", 0.0))
@@ -280,7 +281,7 @@ DOUBTS: Mapping[Doubt, str] = {
     gear_efficiency: "the gear may lose more torque in one direction",
     scales_apart: "the scales of the encoders contradict each other",
     gauge_scale: "nothing confirms the scale of the deflection's sensor",
-    coil_lag: "the delay of the voltage may be a lag of the coil",
+    coil_lag: "the delay of the input may be a lag of the coil",
     lag: "the delay of the input may be a lag",
     dead_zone: "the amplifier may have a dead zone",
     play: LIKE_PLAY,

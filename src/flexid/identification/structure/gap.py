@@ -63,6 +63,10 @@ LIKELIER = 0.9
 CHANCE = 9.0
 """Change of a weighted sum of squares, or of a cost, by chance: three standard deviations."""
 
+# Terms without play that count the deflection from the centre.
+_CENTRED = HARDENING.union(
+    *(SHAPE_TERMS[name].coefficients for name in ("progressive_spring", "load_friction"))
+)
 _MOST_FITS = 8
 _SETTLED = 0.1  # largest difference of gap and width, in standard deviations of the gap
 _STEEPEST = 0.9  # derivative of the gap by the width above which the iteration does not converge
@@ -98,10 +102,10 @@ def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
 
 
 def about_its_own_centre(fitted: Fitted) -> Fitted:
-    """Return a fit whose hardening spring is centred on its torque-free deflection, if sought."""
+    """Return a fit with its terms centred on the torque-free deflection, if that is sought."""
     for _ in range(_MOST_FITS):
         off = _off_centre(fitted)
-        if HARDENING.isdisjoint(fitted.names) or abs(off) <= _SETTLED * _centre_deviation(fitted):
+        if _CENTRED.isdisjoint(fitted.names) or abs(off) <= _SETTLED * _centre_deviation(fitted):
             return fitted
         structure = following(fitted, width_of(fitted.structure))
         found = fit_like(structure, fitted)

@@ -1,4 +1,4 @@
-"""Search for terms with a constant that is sought in the log; see `structure.sought_terms`.
+"""Search for terms one by one, mostly with a constant that is sought; see `sought_terms`.
 
 Such a term is tried if the usual terms leave more than noise. It starts with the constant that is
 predicted to explain the most. Then the fit finds coefficients and constant together.
