@@ -207,7 +207,13 @@ def test_derivatives_and_integrals() -> None:
 
 @pytest.mark.parametrize(
     ("held", "size", "seconds", "first"),
-    [(True, 1.0, 1.0, 500), (True, 0.3, 1.0, 0), (True, 1.0, 0.2, 0), (False, 1.0, 1.0, 0)],
+    [
+        (True, 1.0, 1.0, 500),
+        (True, 2.0, 1.0, 500),
+        (True, 0.3, 1.0, 0),
+        (True, 1.0, 0.2, 0),
+        (False, 1.0, 1.0, 0),
+    ],
 )
 def test_a_brake_holds_a_motor(held: bool, size: float, seconds: float, first: int) -> None:
     """Assert that a held motor is left out if the torque is large, lasts, and is no noise."""

@@ -28,7 +28,7 @@ CHANCE = 6.0  # standard deviations: threshold of the tests for white noise
 _AT_REST = 8.0  # standard deviations of a position's noise: two of 1e5 samples differ by 6
 _FAINT = 0.05  # threshold of rest over a position's range, above which a slow start resembles rest
 _HELD = 0.05  # least share of a log in which a brake holds the motor: friction may, for a moment
-_RELEASED = 0.8  # input at the end of a rest over its largest before, from which friction gave way
+_RELEASED = 0.8  # largest input during a brake's hold over that when the motor begins to move
 _DRIVEN = 0.5  # variation of an input while a brake holds the motor, over that in motion
 _REST_KEPT = 0.1  # rest kept at either end, over the motion: longer rest only adds noise
 
@@ -96,8 +96,8 @@ def while_free(motor: FloatArray, acts: FloatArray) -> slice:
     """Return the samples of a motor without those at either end in which a brake holds it.
 
     The input acts there as in motion, but the motor rests. In a rest without a command the input is
-    noise. Friction alone lets the motor go at the largest input so far. The half of a rest next to
-    the motion does not count, since a step of the input is part of it.
+    noise. The half of a rest next to the motion does not count, since a step of the input is part
+    of it. Friction alone would have let the motor go at an input that later moves it.
     """
     count, within = len(motor), _AT_REST * position_noise(motor)
     if np.ptp(motor) * _FAINT < within:
@@ -112,8 +112,8 @@ def while_free(motor: FloatArray, acts: FloatArray) -> slice:
         len(rest) > _HELD * count and float(np.std(outer)) > least and not is_noise(outer)
         for rest, outer in ((before, before[: first // 2]), (after, after[len(after) // 2 :]))
     ]
-    released = first > 0 and abs(acts[first]) > _RELEASED * np.abs(before).max()
-    return slice(first if is_held[0] and not released else 0, last if is_held[1] else count)
+    has_acted = np.abs(before[: first // 2]).max(initial=0.0) >= _RELEASED * abs(acts[first])
+    return slice(first if is_held[0] and has_acted else 0, last if is_held[1] else count)
 
 
 def is_noise(values: FloatArray) -> bool:
