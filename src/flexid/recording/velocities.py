@@ -107,12 +107,12 @@ def while_free(motor: FloatArray, acts: FloatArray) -> slice:
     if first >= last:
         return slice(0, count)
     least = _DRIVEN * float(np.std(acts[first:last]))
-    before, after = acts[:first], acts[last:]
+    before, after = acts[: first // 2], acts[(last + count) // 2 :]  # the outer halves
     is_held = [
-        len(rest) > _HELD * count and float(np.std(outer)) > least and not is_noise(outer)
-        for rest, outer in ((before, before[: first // 2]), (after, after[len(after) // 2 :]))
+        rest > _HELD * count and float(np.std(outer)) > least and not is_noise(outer)
+        for rest, outer in ((first, before), (count - last, after))
     ]
-    has_acted = np.abs(before[: first // 2]).max(initial=0.0) >= _RELEASED * abs(acts[first])
+    has_acted = np.abs(before).max(initial=0.0) >= _RELEASED * abs(acts[first])
     return slice(first if is_held[0] and has_acted else 0, last if is_held[1] else count)
 
 

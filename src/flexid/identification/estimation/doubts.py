@@ -204,9 +204,8 @@ def gear_efficiency(doubted: Doubted) -> FloatArray:
     if not values.get("alpha1") or "alpha_load" not in values:
         return doubted.none
     share = 0.5 * (values["alpha_load"] / values["alpha1"]) ** 2
-    return doubted.diagonal(lambda name, value: share * value * (name in _MOTOR_SPRINGS)).sum(
-        axis=1, keepdims=True
-    )
+    springs = np.array([name in _MOTOR_SPRINGS for name in doubted.fitted.names])
+    return share * np.where(springs, doubted.fitted.values, 0.0)[:, None]
 
 
 def another_law(doubted: Doubted) -> FloatArray:

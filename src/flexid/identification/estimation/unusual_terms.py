@@ -118,7 +118,7 @@ def with_shape(
     factor: int,
     kept: Collection[str],
 ) -> FitInBand:
-    """Return the fit with a term whose constant is sought, if likelier.
+    """Return the fit with a term that is sought by itself, if likelier.
 
     Each law of the term is fitted from the constant with the least cost in a quadratic
     approximation about the fit without the term.

@@ -189,8 +189,13 @@ def _while_moving(recording: Recording) -> Recording:
     """Return the recording without most of the rest before and after its motion."""
     positions = (recording.link_position, recording.motor_position)
     moving = while_moving([position for position in positions if position is not None])
-    is_whole = moving == slice(0, len(recording))
-    return recording if is_whole else recording.window(moving.start, moving.stop)
+    return _part(recording, moving)
+
+
+def _part(recording: Recording, kept: slice) -> Recording:
+    """Return these samples of a recording; the recording itself if these are all."""
+    is_whole = kept == slice(0, len(recording))
+    return recording if is_whole else recording.window(kept.start, kept.stop)
 
 
 def _rest_left_out(whole: Recording, moving: Recording) -> list[str]:
@@ -206,9 +211,7 @@ def _while_free(recording: Recording) -> Recording:
     """Return the recording without the ends at which a brake holds the motor against the input."""
     if recording.input is None or not np.ptp(recording.motor_position):
         return recording
-    free = while_free(recording.motor_position, recording.input)
-    is_whole = free == slice(0, len(recording))
-    return recording if is_whole else recording.window(free.start, free.stop)
+    return _part(recording, while_free(recording.motor_position, recording.input))
 
 
 def _hold_left_out(whole: Recording, free: Recording) -> list[str]:

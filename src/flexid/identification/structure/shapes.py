@@ -41,7 +41,7 @@ _AROUND = np.linspace(-0.4, 0.4, 5)  # distances of constants from a candidate, 
 
 @dataclass(frozen=True)
 class SoughtShape:
-    """Term with a constant that is sought."""
+    """Term that is sought by itself, mostly with a constant."""
 
     words: str  # description of the term
     coefficients: frozenset[str]  # of the term, including tied ones and the constant
