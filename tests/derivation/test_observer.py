@@ -20,12 +20,7 @@ from flexid.derivation.symbolic import symbol, symbolic_system, to_sympy
 from flexid.errors import AccelerationError, ExpressionError
 from flexid.models.flexible_joint import TERMS, flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row
-from flexid.paper.observer import (
-    derive_observer,
-    error_dynamics,
-    graded_rule,
-    immersion,
-)
+from flexid.paper.observer import derive_observer, error_dynamics, graded_rule, immersion
 from flexid.paper.printing import c_observer, latex_observer, python_observer
 
 q, v, width = symbol("q"), symbol("v"), symbol("width")

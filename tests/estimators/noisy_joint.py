@@ -22,30 +22,20 @@ def torque(time):
     return 20.0 * np.sin(2.0 * time) + 10.0 * np.sin(5.3 * time)
 
 
-@cache
-def clean_motion(coulomb: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Return time, shape (n,), and states x1 to x4, shape (n, 4), from rest."""
+def joint_rates(x: np.ndarray, u: float) -> list[float]:
+    """Return the rates of the states x1 to x4 under a torque, written by hand from eq. (4)."""
     theta1, theta2, alpha1, alpha2, beta1 = VALUES
+    twist = x[0] - x[2]
+    link = -theta1 * np.sin(x[0]) - theta2 * twist
+    return [x[1], link, x[3], alpha1 * twist - alpha2 * x[3] + beta1 * u]
 
-    def right_hand_side(t, x):
-        twist = x[0] - x[2]
-        return [
-            x[1],
-            -theta1 * np.sin(x[0]) - theta2 * twist,
-            x[3],
-            alpha1 * twist - alpha2 * x[3] + beta1 * torque(t) - coulomb * np.tanh(x[3] / 0.1),
-        ]
 
+@cache
+def clean_motion() -> tuple[np.ndarray, np.ndarray]:
+    """Return time, shape (n,), and states x1 to x4, shape (n, 4), from rest."""
     time = np.arange(30_001) * SAMPLE_TIME
-    solution = solve_ivp(
-        right_hand_side,
-        (0.0, time[-1]),
-        np.zeros(4),
-        method="DOP853",
-        t_eval=time,
-        rtol=1e-11,
-        atol=1e-12,
-    )
+    run = (0.0, time[-1]), np.zeros(4), "DOP853", time
+    solution = solve_ivp(lambda t, x: joint_rates(x, torque(t)), *run, rtol=1e-11, atol=1e-12)
     return time, solution.y.T
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from noisy_joint import POSITION_NOISE, SAMPLE_TIME, TRUTH, VALUES, encoders, torque
+from noisy_joint import POSITION_NOISE, SAMPLE_TIME, TRUTH, VALUES, encoders, joint_rates, torque
 from scipy.integrate import solve_ivp
 from scipy.stats import t
 
@@ -103,20 +103,15 @@ def test_a_payload_is_followed():
 
 def test_second_order_in_the_sample_time():
     """Assert that the sampled observer converges to SciPy's continuous one as h²."""
-    theta1, theta2, alpha1, alpha2, beta1 = VALUES
     gain, h = 0.2, 2e-3
 
     def right_hand_side(time, z):
-        x, p = z[:4], z[4:]
-        u = torque(time)
-        twist = x[0] - x[2]
-        f = np.array([-np.sin(x[0]), -twist])
-        phi = np.array([twist, -x[3], u])
-        link = f @ [theta1, theta2]
-        motor = phi @ [alpha1, alpha2, beta1]
-        link_rate = gain * f * (link - f @ p[:2])
-        motor_rate = gain * phi * (motor - phi @ p[2:])
-        return np.concatenate(([x[1], link, x[3], motor], link_rate, motor_rate))
+        x, p, u = z[:4], z[4:], torque(time)
+        rates, twist = joint_rates(x, u), x[0] - x[2]
+        link, motor = np.array([-np.sin(x[0]), -twist]), np.array([twist, -x[3], u])
+        link_rate = gain * link * (rates[1] - link @ p[:2])
+        motor_rate = gain * motor * (rates[3] - motor @ p[2:])
+        return np.concatenate((rates, link_rate, motor_rate))
 
     time = np.arange(801) * h
     start = np.concatenate((np.zeros(4), 0.5 * VALUES))

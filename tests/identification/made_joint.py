@@ -15,10 +15,15 @@ from benchmarks.trials.realistic.drive import Plant
 from benchmarks.trials.realistic.drive import simulate as simulate_plant
 from scipy.stats import t
 
+from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import Timing
+from flexid.identification.estimation.disturbed import Disturbed, fit_disturbed
+from flexid.identification.full_model.fits_by_length import FitsByLength
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Data, Fitted, Structure, data_of
 from flexid.identification.preparation.joint import flexible
+from flexid.identification.result import Identification
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.models.physical import joint_coefficients
 from flexid.recording.recording import Hold, Log, Recording
@@ -34,6 +39,7 @@ TRUTH = {
 """Parameters of every log, by flexid's names in SI units; Table I of Huang (2003)."""
 
 COEFFICIENTS = joint_coefficients(TRUTH)
+CORE = {name: TRUTH[name] for name in ("link_inertia", "motor_inertia", "joint_stiffness")}
 
 SAMPLE_TIME = 2e-3
 NOISE = 1e-5  # rad
@@ -172,10 +178,10 @@ def log(*recordings: Recording) -> Log:
 JOINT = flexible()
 
 
-def structure(*terms: str, hold: Hold = "cubic") -> Structure:
-    """Return the flexible joint with these terms alone, without unknown delays."""
+def structure(*terms: str, hold: Hold = "cubic", sought: tuple[str, ...] = ()) -> Structure:
+    """Return the flexible joint with these terms alone, and with these delays unknown."""
     on = {coefficient for term in terms for coefficient in JOINT.terms[term]}
-    return Structure(JOINT, frozenset(JOINT.optional - on), Timing(hold))
+    return Structure(JOINT, frozenset(JOINT.optional - on), Timing(hold, sought=sought))
 
 
 PAPER, WITHOUT = structure(*PAPER_TERMS), structure()
@@ -218,6 +224,27 @@ def fitted(recording: Recording, *terms: str, **about: Any) -> Fitted:
     return fit_to(*posed(recording, *terms, **about), COEFFICIENTS, 1.0)[0]
 
 
+def among_disturbances(structure: Structure, data: Data) -> Disturbed:
+    """Return the fit with disturbances of a structure, without a search for shapes."""
+    return fit_disturbed(structure, data, (), ("cubic",), THRESHOLDS, with_shapes=False)
+
+
+def diverging(*_: Any, **__: Any) -> Any:
+    """Fail like a fit whose motion diverges."""
+    raise ConvergenceError("prediction error", "the motion diverges")
+
+
+def assert_holds(
+    found: Identification, truth: Mapping[str, float], width: float = np.inf, verdict: str = ""
+) -> None:
+    """Assert that each interval holds the true value, with a relative width and a verdict."""
+    for name, value in truth.items():
+        low, high = found.parameters[name].interval
+        assert low < value < high, name
+        assert high - low < width * abs(value), name
+        assert verdict in ("", found.parameters[name].verdict), name
+
+
 def half_widths(estimate: Any) -> np.ndarray:
     """Return half the 95 % interval of each value of an estimate or a fit."""
     return t.ppf(0.975, np.array(estimate.degrees_of_freedom)) * estimate.deviations
@@ -236,6 +263,11 @@ def made_fit(
     found: Any = SimpleNamespace(excess=excess, **fields)
     found.unexplained_over = lambda length: Fitted.unexplained_over(found, length)
     return found
+
+
+def by_length_of(*fits: Any, divisions: Any = (range(4),)) -> FitsByLength:
+    """Return fits over segments of growing length, stand-ins or not."""
+    return FitsByLength(fits, divisions, True, ("cubic",), "")
 
 
 def over(segments: int, excess: float, structure: Structure = WITHOUT) -> Any:

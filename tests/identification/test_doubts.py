@@ -6,6 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from made_joint import made_fit
 from scipy.integrate import quad
 from scipy.stats import norm
 
@@ -131,43 +132,30 @@ def test_values_of_one_balance_move_together():
     assert ((two != 0.0).sum(axis=1) <= 1).all()
 
 
-def test_a_constant_of_a_term_has_no_balance():
-    """Assert that a heavier balance changes no velocity."""
-    found: Any = doubted()
-    found.fitted.names = names = (*NAMES, "stribeck_velocity")
-    found.fitted.values = np.ones(len(names))
-    moved = np.abs(doubts.looks_like_the_acceleration(found)).sum(axis=1)
-    assert {n for n, size in zip(names, moved.tolist(), strict=True) if size} == {*VALUES}
-
-
-def test_a_gear_may_lose_more_in_one_direction():
-    """Assert that the motor's springs may be stiffer by half the squared friction of the load."""
-    values = {"theta2": 100.0, "alpha1": 300.0, "alpha_load": 60.0, "alpha_damping": 2.0}
-    alone: Any = SimpleNamespace(
-        names=(*values,), values=np.array([*values.values()]), by_name=values
-    )
-    moved = doubts.gear_efficiency(replace(doubted(), fitted=alone))
-    assert moved[:, 0] == pytest.approx([0.0, 0.02 * 300.0, 0.0, 0.02 * 2.0])
-
-
-def test_a_spring_to_the_base_is_no_error_of_scales():
-    """Assert no doubt by different scales of encoders if the log shows a spring to the base."""
+def among(doubt: Any, **values: float) -> np.ndarray:
+    """Return the directions of a doubt about a fit of these values."""
     found = doubted(apart=0.02)
-    alone: Any = SimpleNamespace(**{**vars(found.fitted), "names": (*NAMES, "theta_parallel")})
-    assert not doubts.scales_apart(replace(found, fitted=alone)).size
-    link: Any = SimpleNamespace(**{**vars(alone), "names": ("theta2", "theta_parallel")})
-    link.values = np.array([100.0, 3.0])
-    assert doubts.scales_apart(replace(found, fitted=link)).size  # no motor's balance
+    own = {"names": (*values,), "values": np.array([*values.values()]), "by_name": values}
+    fitted: Any = SimpleNamespace(**{**vars(found.fitted), **own})
+    return doubt(replace(found, fitted=fitted))
 
 
-def test_a_hysteresis_may_follow_another_law():
-    """Assert that its torque and its reach may both be larger by 15 %.
+def test_what_depends_on_the_terms():
+    """Assert directions of doubts for fits with other terms.
 
-    What it leaves of the link's acceleration, 10 %, may be the spring's.
+    A heavier balance changes no velocity. The motor's springs may be stiffer by half the squared
+    friction of the load. A spring to the base explains different scales of encoders, unless there
+    is no motor's balance. Torque and reach of a hysteresis may both be larger by 15 %; what it
+    leaves of the link's acceleration, 10 %, may be the spring's.
     """
-    values = {"alpha1": 300.0, "alpha_hysteresis": 2.0, "hysteresis_grip": 50.0}
-    alone: Any = SimpleNamespace(names=(*values,), by_name=values)
-    moved = doubts.another_law(replace(doubted(), fitted=alone))
+    moved = among(doubts.looks_like_the_acceleration, **VALUES, stribeck_velocity=1.0)
+    assert moved.any(axis=1).tolist() == [True] * len(VALUES) + [False]
+    gear = {"theta2": 100.0, "alpha1": 300.0, "alpha_load": 60.0, "alpha_damping": 2.0}
+    moved = among(doubts.gear_efficiency, **gear)
+    assert moved[:, 0] == pytest.approx([0.0, 0.02 * 300.0, 0.0, 0.02 * 2.0])
+    assert not among(doubts.scales_apart, **VALUES, theta_parallel=3.0).size
+    assert among(doubts.scales_apart, theta2=100.0, theta_parallel=3.0).size
+    moved = among(doubts.another_law, alpha1=300.0, alpha_hysteresis=2.0, hysteresis_grip=50.0)
     spring = 0.1 / np.sqrt(3.0) * 300.0
     assert moved == pytest.approx(np.array([[0.0, spring], [0.3, 0.0], [-7.5, 0.0]]))
 
@@ -192,14 +180,9 @@ def test_a_lag_in_place_of_a_delay(part: float):
 
 def fit_over(duration: float, values: list[float], excess: float, kind: str = "rigid") -> Any:
     """Return a stand-in for a fit of two values with standard deviations of 0.03."""
-    return SimpleNamespace(
-        values=np.array(values),
-        unit_deviations=np.full(2, 0.03),
-        names=("gamma1", "beta1"),
-        excess=excess,
-        duration=duration,
-        structure=SimpleNamespace(joint=SimpleNamespace(kind=kind)),
-    )
+    structure = SimpleNamespace(joint=SimpleNamespace(kind=kind))
+    two = {"values": np.array(values), "unit_deviations": np.full(2, 0.03)}
+    return made_fit(excess, duration=duration, structure=structure, names=("a", "b"), **two)
 
 
 @pytest.mark.parametrize(

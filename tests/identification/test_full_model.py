@@ -221,8 +221,11 @@ def by_length(noise: float) -> tuple[Fitted, ...]:
     return tuple(fit_by_length(STRUCTURE, own, FINE_START, lengths(own)))
 
 
-def test_fine_encoders_want_shorter_steps():
-    """Assert that steps are refined until their error is negligible, and only for fine encoders."""
+def test_fine_encoders_want_shorter_steps(monkeypatch: pytest.MonkeyPatch):
+    """Assert that steps are refined until their error is negligible, and only for fine encoders.
+
+    The longer steps of a rival hold add no doubt about the hold.
+    """
     coarse = fitting.with_steps_refined(by_length(COARSE_NOISE))
     assert {fit.data.refinement for fit in coarse} == {1}
     found = by_length(FINE_NOISE)
@@ -238,18 +241,12 @@ def test_fine_encoders_want_shorter_steps():
     ]
     assert [f.problem.substeps // last.problem.substeps for f in fits] == [times, 1]
     assert refinement(fits[0].problem, fits[0].minimum) == 1
-
-
-def test_holds_are_compared_in_equal_steps(monkeypatch: pytest.MonkeyPatch):
-    """Assert that the longer steps of a rival hold add no doubt about the hold."""
-    last = fitting.with_steps_refined(by_length(FINE_NOISE))[-1]
-    segments, states = last.problem.segments, last.minimum.point.initial_states
-    fine = refit(STRUCTURE, last.data, last.by_name, segments, FINE, states)
     # The rival has the same hold.
     monkeypatch.setattr(fits_by_length, "with_other_hold", lambda *_: last)
-    apart = np.sqrt(np.diag(fits_by_length.hold_covariance(fine, ("zero",)))) / fine.unit_deviations
-    assert np.abs((last.values - fine.values) / fine.unit_deviations).max() > 1.0
-    assert apart.max() < 0.05
+    doubt = np.diag(fits_by_length.hold_covariance(fits[0], ("zero",)))
+    unit = fits[0].unit_deviations
+    assert np.abs((last.values - fits[0].values) / unit).max() > 1.0
+    assert (np.sqrt(doubt) / unit).max() < 0.05
 
 
 @pytest.mark.parametrize("refined", [False, True])

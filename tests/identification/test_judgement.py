@@ -18,10 +18,7 @@ from flexid.identification.judgement import (
     verdict,
 )
 from flexid.identification.preparation.joint import flexible
-from flexid.identification.vocabulary.evidence import (
-    Estimate,
-    ValueEstimate,
-)
+from flexid.identification.vocabulary.evidence import Estimate, ValueEstimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds, table
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.models.physical import ZeroAngle, physical_parameters

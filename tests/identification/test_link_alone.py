@@ -7,10 +7,7 @@ import numpy as np
 import pytest
 from made_joint import log, made
 
-from flexid.errors import RecordingError, SettingError
-from flexid.estimators.channel_timing import INPUT
 from flexid.identification.identify import identify
-from flexid.identification.preparation.joint import link
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.structure import link_delay
 from flexid.identification.vocabulary.evidence import Estimate
@@ -102,15 +99,3 @@ def test_delay_moves_damping_and_friction_by_as_much():
     variance = 0.5 * (6.0**2 - 6.0 * 3.0 + 3.0**2) * 1e-6 / 3.0  # uniform from -6 to 3 ms, or zero
     np.testing.assert_allclose(np.diag(added), [0.0, 1e4 * variance, 1e4 * variance, variance])
     assert added[1, 2] == pytest.approx(-1e4 * variance)
-
-
-def test_what_an_input_alone_gives_a_meaning_to_is_refused():
-    """Assert that a hold, or a log with an input besides, is refused; the model has no input."""
-    with pytest.raises(SettingError, match="no input, so this setting has no meaning"):
-        identify([motion(1)], Settings(hold="zero"))
-    with pytest.raises(RecordingError, match=r"made 6.*is missing, and in made 5 in N m"):
-        identify([log(made(5)), motion(6)])
-    joint = link()
-    assert joint.system.inputs == ("x3", "x4")
-    assert INPUT not in joint.units
-    assert not any(name.startswith("alpha") for name in joint.units)

@@ -7,16 +7,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, PAPER, data, half_widths, log, made, structure
+from made_joint import (
+    COEFFICIENTS,
+    PAPER,
+    data,
+    diverging,
+    half_widths,
+    log,
+    made,
+    made_fit,
+    structure,
+)
 
 import flexid.identification.estimation.model_error as modelling
-from flexid.errors import ConvergenceError
-from flexid.identification.estimation.model_error import (
-    driving_frictions,
-    model_error,
-    stand_in_covariance,
-    widened,
-)
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Fitted
 from flexid.identification.identify import identify
@@ -32,7 +35,7 @@ TRUTH = np.array([*COEFFICIENTS.values()])
 def fitted(seed: int, **more: Any) -> tuple[Fitted, ModelError]:
     """Return the paper's model fitted to 10 s of a drive with more effects, and the model error."""
     found, lengths_fitted = fit_to(PAPER, data(made(seed, 10.0, **more)), COEFFICIENTS, 1.0)
-    return found, model_error(found, lengths_fitted, THRESHOLDS)
+    return found, modelling.model_error(found, lengths_fitted, THRESHOLDS)
 
 
 def misses(found: Fitted, estimate: Any) -> np.ndarray:
@@ -47,10 +50,10 @@ def test_right_model_is_not_widened(seed):
     assert error.share == 0.0
     unit = found.unit_deviations
     alone = found.fit.deviations / unit
-    drawn = widened(found, error).deviations / unit
+    drawn = modelling.widened(found, error).deviations / unit
     assert drawn == pytest.approx(1.0, rel=0.2)
     assert np.ptp(drawn) < 0.7 * np.ptp(alone)
-    beyond = widened(found, ModelError(0.1, 3.0, 0.0)).deviations
+    beyond = modelling.widened(found, ModelError(0.1, 3.0, 0.0)).deviations
     assert beyond == pytest.approx(np.maximum(found.fit.deviations, unit), rel=1e-9)
 
 
@@ -60,10 +63,13 @@ def test_what_widens():
     step = 3.0 * found.unit_deviations * np.array([1.0, 0.0, -1.0, 0.0, 0.0])
     reduced = replace(found.minimum.reduced, values_step=step)
     rough = replace(found, minimum=replace(found.minimum, reduced=reduced))
-    more = widened(rough, error).covariance - widened(found, error).covariance
+    more = modelling.widened(rough, error).covariance - modelling.widened(found, error).covariance
     assert more == pytest.approx(np.outer(step, step), rel=1e-3, abs=1e-6 * np.abs(more).max())
-    none = widened(found, ModelError(9.0, 0.0, 0.0)).covariance
-    shares = [widened(found, ModelError(9.0, 0.0, share)).covariance - none for share in (1.0, 0.5)]
+    none = modelling.widened(found, ModelError(9.0, 0.0, 0.0)).covariance
+    shares = [
+        modelling.widened(found, ModelError(9.0, 0.0, share)).covariance - none
+        for share in (1.0, 0.5)
+    ]
     whole = 9.0 * found.problem.degrees_of_freedom * found.minimum.reduced.inverse
     assert shares[0] == pytest.approx(whole, rel=1e-6)
     assert shares[1] == pytest.approx(0.25 * whole, rel=1e-6)
@@ -79,7 +85,7 @@ def test_what_no_term_describes_widens(more: dict[str, float], missed: float, se
     found, error = fitted(seed, **more)
     assert error.share > 0.5
     assert misses(found, found.fit).max() > missed
-    assert misses(found, widened(found, error)).max() < 1.0
+    assert misses(found, modelling.widened(found, error)).max() < 1.0
 
 
 LIMITS = replace(
@@ -126,19 +132,12 @@ ONE_END = replace(LIMITS, white_growth=0.6, repeated_growth=0.6)
 )
 def test_what_of_the_residuals_is_an_error(found, limits, share):
     """Assert the model error's share for 10⁶ numbers and 200 initial states."""
-
-    def fit(duration: float, excess: float, unexplained: float = 0.0) -> Any:
-        return SimpleNamespace(
-            structure=PAPER,
-            duration=duration,
-            excess=excess,
-            unexplained=unexplained,
-            problem=SimpleNamespace(degrees_of_freedom=1_000_000),
-            minimum=SimpleNamespace(point=SimpleNamespace(initial_states=np.zeros((50, 4)))),
-        )
-
-    lengths_fitted = [fit(*each) for each in found]
-    error = model_error(lengths_fitted[1], lengths_fitted, limits)
+    lengths_fitted = []
+    for duration, excess, *unexplained in found:
+        more = {"unexplained": sum(unexplained), "states": np.zeros((50, 4))}
+        lengths_fitted.append(made_fit(excess, duration=duration, **more))
+        lengths_fitted[-1].problem.degrees_of_freedom = 1_000_000
+    error = modelling.model_error(lengths_fitted[1], lengths_fitted, limits)
     assert error.share == pytest.approx(share, abs=1e-3)
     assert (error.share > 0.0) == (share > 0.0)
     if len(found) == 4:
@@ -176,7 +175,7 @@ def test_each_stand_in_is_doubted_by_itself(monkeypatch):
     monkeypatch.setattr(modelling, "_moved_without", lambda _, way: moved[frozenset(way)])
     monkeypatch.setattr(modelling, "is_dead_zone", lambda _: True)
     found = made_up("theta2", "alpha_cubic", "alpha_backlash")
-    added = stand_in_covariance(found, ModelError(0.1, 0.0, 0.5), THRESHOLDS)
+    added = modelling.stand_in_covariance(found, ModelError(0.1, 0.0, 0.5), THRESHOLDS)
     assert added[0, 0] == pytest.approx(0.25 * 9.0)
     assert np.count_nonzero(added) == 1  # the stand-ins themselves are not widened
 
@@ -190,7 +189,7 @@ def test_play_that_explains_is_no_stand_in(monkeypatch, excess, dead_zone, doubt
     monkeypatch.setattr(modelling, "_moved_without", lambda *_: np.array([2.0, 1.0]))
     monkeypatch.setattr(modelling, "is_dead_zone", lambda _: dead_zone)
     found = made_up("theta2", "alpha_backlash", excess=excess)
-    added = stand_in_covariance(found, ModelError(0.1, 0.0, 1.0), THRESHOLDS)
+    added = modelling.stand_in_covariance(found, ModelError(0.1, 0.0, 1.0), THRESHOLDS)
     assert bool(added.any()) == doubted
 
 
@@ -234,7 +233,7 @@ def test_a_driving_friction_is_doubted_and_named():
     damping = found.parameters["joint_damping"]
     assert damping.interval[0] < -0.05 < 0.0 < damping.interval[1]
     assert any("alpha_damping came out negative" in warning for warning in found.warnings)
-    assert not driving_frictions(fitted(1)[0], THRESHOLDS)
+    assert not modelling.driving_frictions(fitted(1)[0], THRESHOLDS)
 
 
 @pytest.mark.parametrize(
@@ -274,8 +273,5 @@ def test_how_much_of_another_law_is_a_doubt(monkeypatch, rise, excess, freedom, 
     monkeypatch.setattr(modelling, "minimise", lambda *_, **__: at(100.0 + rise, [2.0, 1.0]))
     assert modelling.by_other_laws(found) == pytest.approx(share * np.array([[1.0], [-1.0]]))
 
-    def fails(*_: Any, **__: Any) -> None:
-        raise ConvergenceError("prediction error", "the motion diverges")
-
-    monkeypatch.setattr(modelling, "minimise", fails)
+    monkeypatch.setattr(modelling, "minimise", diverging)
     assert modelling.by_other_laws(found).shape == (2, 0)

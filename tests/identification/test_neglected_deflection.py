@@ -109,7 +109,10 @@ def test_a_spring_behind_the_only_encoder_is_a_doubt():
 
 
 def test_a_rigid_drive_moves_as_the_mean_of_both_sides():
-    """Assert that the mean of both motions has the right inertia; the motor's has 3.5 % more."""
+    """Assert that the mean of both motions has the right inertia; the motor's has 3.5 % more.
+
+    The mean of two logged speeds is used too, and a single one is not.
+    """
     soft = made(1, 6.0, joint_stiffness=1e4, noise=1e-3)
     shifted = replace(soft, link_position=soft.needed_link_position + 1.0)
     (both,) = prepare([log(shifted)], 0.3, "rigid")[0].recorded
@@ -121,11 +124,6 @@ def test_a_rigid_drive_moves_as_the_mean_of_both_sides():
     assert inertia.value == pytest.approx(1.3, rel=5e-3)
     assert inertia.interval[0] < 1.3 < inertia.interval[1]
     assert 0.01 < inertia.half_width / inertia.value < 0.1
-
-
-def test_speeds_of_both_sides_are_averaged_too():
-    """Assert that the mean of two logged speeds is used, and a single one is not."""
-    soft = made(1, 6.0, joint_stiffness=1e4, noise=1e-3)
     speeds = {"motor_velocity": np.full(len(soft), 3.0), "link_velocity": np.full(len(soft), 1.0)}
     (both,) = prepare([log(replace(soft, **speeds))], 0.3, "rigid")[0].recorded
     assert both.motor_velocity == pytest.approx(2.0)

@@ -99,9 +99,8 @@ SHARE = 1 / 3
 def recording(n=300, *, unit="N m", link=True, start=0.0, seed=0, source="a.csv"):
     """Noise in every channel, sampled at 100 Hz."""
     link_position, motor, drive = np.random.default_rng(seed).standard_normal((3, n))
-    return Recording(
-        0.01, start, link_position if link else None, motor, drive, unit, source=source
-    )
+    link_position, drive = link_position if link else None, drive if unit else None
+    return Recording(0.01, start, link_position, motor, drive, unit, source=source)
 
 
 def log(*recordings, digest=""):
@@ -111,8 +110,7 @@ def log(*recordings, digest=""):
 
 def lacking(channel: str) -> Log:
     """Return a log without its input, or without the link's position."""
-    whole = recording(link=channel == "input")
-    return log(replace(whole, input=None, input_unit="") if channel == "input" else whole)
+    return log(recording(unit="") if channel == "input" else recording(link=False))
 
 
 LACKING: list[tuple[str, Kind]] = [
@@ -122,6 +120,7 @@ LACKING: list[tuple[str, Kind]] = [
 TOGETHER: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
     "the same bytes": ({}, {"seed": 1}, "abc"),
     "another input": ({}, {"unit": "V"}, ""),
+    "an input, and none": ({}, {"unit": ""}, ""),
     "one encoder, and two": ({"link": False}, {}, ""),
     "two encoders, and one": ({}, {"link": False}, ""),
 }
@@ -266,12 +265,16 @@ def test_velocities_move_with_their_positions():
 FLEXIBLE = flexible()
 
 
-@pytest.mark.parametrize("joint", [FLEXIBLE, rigid()], ids=["flexible", "rigid"])
-def test_terms_and_what_is_always_there_make_the_system(joint):
+ALWAYS = {"flexible": ["theta2", "alpha1", "beta1"], "rigid": ["beta1"], "link": ["theta2"]}
+
+
+@pytest.mark.parametrize("kind", ALWAYS)
+def test_terms_and_what_is_always_there_make_the_system(kind):
     """Assert that each coefficient belongs to one term, to the spring or to the input's gain."""
+    joint = joint_of(kind)
     of_terms = [c for names in joint.terms.values() for c in names]
-    always = ["theta2", "alpha1", "beta1"] if joint.kind == "flexible" else ["beta1"]
-    assert sorted([*of_terms, *always]) == sorted(joint.remembering.coefficients)
+    assert sorted([*of_terms, *ALWAYS[kind]]) == sorted(joint.remembering.coefficients)
+    assert joint.system.inputs == (("x3", "x4") if kind == "link" else ("u",))
 
 
 @pytest.mark.parametrize("term", ["joint_damping", "cubic_stiffness", "backlash", "eccentricity"])

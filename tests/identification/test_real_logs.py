@@ -12,19 +12,15 @@ ARM, KUKA = "ist-flexible-arm/ist_square_1p5V.csv", "kr300/kr300_A.csv"
 
 
 @pytest.fixture(scope="module")
-def identified(shared_data, examples, tmp_path_factory):
+def identified(shared_data, examples):
     """Return a function that identifies a log, given a column map or (column, unit, scale)."""
-    own = tmp_path_factory.mktemp("columns") / "columns.toml"
 
     def result_of(file, shipped="", settings=None, **columns):
-        lines = ['time = {column = "t_s", unit = "s"}']
-        for channel, (column, unit, *scale) in columns.items():
-            about = f'column = "{column}", unit = "{unit}", scale = {(*scale, 1.0)[0]}'
-            lines.append(f"{channel} = {{{about}}}")
-        own.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        return identify(
-            [read_log(shared_data / file, examples / shipped if shipped else own)], settings
-        )
+        own = {"time": {"column": "t_s", "unit": "s"}}
+        for channel, about in columns.items():
+            own[channel] = dict(zip(("column", "unit", "scale"), about, strict=False))
+        log = read_log(shared_data / file, examples / shipped if shipped else own)
+        return identify([log], settings)
 
     return result_of
 

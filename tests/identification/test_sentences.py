@@ -39,6 +39,11 @@ DELAYS = (
     Delay(-3.766e-3, 0.0, (-32.2e-3, 24.7e-3), "found"),
     Delay(1e-3, 0.0, (1e-3, 1e-3), "found"),
 )
+INERTIAS: tuple[dict[str, Verdict], ...] = (
+    {"motor_inertia": "weak", "total_inertia": "determined"},
+    {"motor_inertia": "determined", "total_inertia": "determined"},
+    {"motor_inertia": "weak"},
+)
 KINDS: tuple[Kind, ...] = ("flexible", "link", "rigid")
 
 
@@ -46,7 +51,8 @@ def test_what_is_said_of_a_fit(golden):
     """Assert that a model error is reported if it exceeds noise or widens an interval.
 
     An unexplained share is reported from 2 % on. All channels with a poor free run are in one
-    warning. A delay has enough digits to tell both ends of its interval apart.
+    warning. A delay has enough digits to tell both ends of its interval apart. A data sheet is
+    requested if only the sum of inertias is determined.
     """
     found = {
         f"{kind}, excess {excess}, width {width}": model_warnings(
@@ -60,27 +66,10 @@ def test_what_is_said_of_a_fit(golden):
         found[f"unexplained {share}"] = model_warnings(nothing, "flexible", 0.1, shares)
     found |= {f"a free run {name}": validation_warnings(fits) for name, fits in FREE_RUNS.items()}
     found |= {f"a delay of {one.value}": [_delay("link", one)] for one in DELAYS}
+    for verdicts in INERTIAS:
+        said = {n: ValueEstimate(n, "", 1.0, 0.3, (0.4, 1.6), v) for n, v in verdicts.items()}
+        found[", ".join(map(" ".join, verdicts.items()))] = division_warnings(said)
     golden({name: " | ".join(ranked(said)) for name, said in found.items()})
-
-
-TOTAL = ("total_inertia",)
-
-
-@pytest.mark.parametrize(
-    ("motor", "others", "said"),
-    [
-        ("weak", TOTAL, True),
-        ("determined", TOTAL, False),
-        ("weak", (), False),
-    ],
-)
-def test_the_motor_s_part_is_asked_for_where_the_sum_is_known(motor, others, said):
-    """Assert that a data sheet is requested if only the sum of inertias is determined."""
-    verdicts = {"motor_inertia": motor, **dict.fromkeys(others, "determined")}
-    found = {n: ValueEstimate(n, "", 1.0, 0.3, (0.4, 1.6), v) for n, v in verdicts.items()}
-    words = [*division_warnings(found)]
-    assert len(words) == said
-    assert all("--known motor_inertia=VALUE" in one for one in words)
 
 
 def test_warnings_come_in_the_order_in_which_to_act():
@@ -152,12 +141,16 @@ def test_a_motion_that_has_died_out_was_seen_before():
     assert "before the held-out part" in one.reason
 
 
-def test_a_motion_that_has_died_out_is_predicted_from_its_beginning(monkeypatch):
-    """Assert that the prediction begins one period after the start if the end is at rest."""
+def test_a_period_is_predicted_from_the_one_before(monkeypatch):
+    """Assert that compliance is decided by prediction over one period, after one of warm-up.
+
+    If the end is at rest, it begins one period after the start. For a drive with Stribeck friction,
+    15 % of the deflection is predicted over a period after 0.5 s of warm-up, and 56 % after one.
+    """
     asked = []
 
-    def predicting(_, __, starts, horizons, **___):
-        asked.append([*starts])
+    def predicting(_, __, starts, horizons, warm_up):
+        asked.append(([*starts], *horizons, warm_up))
         share = nan if len(asked) == 1 else 56.0
         return SimpleNamespace(horizons={horizons[0]: {"deflection": share}})
 
@@ -165,27 +158,7 @@ def test_a_motion_that_has_died_out_is_predicted_from_its_beginning(monkeypatch)
     fitted: Any = SimpleNamespace(by_name={"theta2": 900.0, "alpha1": 1600.0})
     logs = data(made(5, 4.0), made(6, 0.5))
     own = SimpleNamespace(whole=logs, recordings=SimpleNamespace(starts=(1000, 40)))
-    assert spring_doubts._over_a_period(fitted, cast(Any, own))[1] == 56.0
-    assert asked == [[1000, 40], [63, 40]]  # of 2 ms; the period is 0.126 s
-
-
-def test_a_period_is_predicted_from_the_one_before(monkeypatch):
-    """Assert that compliance is decided by prediction over one period, after one of warm-up.
-
-    For a drive with Stribeck friction, 15 % of the deflection is predicted over a period of 0.12 s
-    after 0.5 s of warm-up, and 56 % after one period. For two stages, nothing is.
-    """
-    asked = []
-
-    def predicting(_, __, ___, horizons, warm_up):
-        asked.append((*horizons, warm_up))
-        return SimpleNamespace(horizons={horizons[0]: {"deflection": 56.0}})
-
-    monkeypatch.setattr(spring_doubts, "validate", predicting)
-    whole = data(made(5, 4.0))
-    fitted: Any = SimpleNamespace(by_name={"theta2": 900.0, "alpha1": 1600.0})
-    job: Any = SimpleNamespace(whole=whole, recordings=SimpleNamespace(starts=(0,)))
-    period, share = spring_doubts._over_a_period(fitted, job)
-    assert period == pytest.approx(2.0 * np.pi / 50.0)
-    assert asked == [(period, period)]
-    assert share == 56.0
+    period, share = spring_doubts._over_a_period(fitted, cast(Any, own))
+    assert (period, share) == (pytest.approx(2.0 * np.pi / 50.0), 56.0)
+    # In samples of 2 ms; the period has 63.
+    assert asked == [([1000, 40], period, period), ([63, 40], period, period)]

@@ -7,6 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from made_joint import WITHOUT, fitted, log, made, made_fit, over, turned
+from simulated_cases import BENT, BRISTLES, DRY, HYSTERESIS, RIPPLED, SLID, STICTION, Case, asked
 
 import flexid.identification.structure.shapes as shapes
 import flexid.identification.structure.sought_terms as sought_terms
@@ -26,26 +27,19 @@ from flexid.identification.structure.sought_terms import (
 )
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
-from flexid.models.flexible_joint import HARDENING, PAPER_TERMS
+from flexid.models.flexible_joint import HARDENING
 
-NUMBER, PHASE = 23.4, 0.8
-RIPPLED: dict[str, Any] = {"ripple_torque": 0.3, "ripple_number": NUMBER, "ripple_phase": PHASE}
-BENT: dict[str, Any] = {"bend": 0.3, "bend_stiffness": 40.0}
+NUMBER, PHASE = RIPPLED["ripple_number"], RIPPLED["ripple_phase"]
 UNEVEN: dict[str, Any] = {"transmission_number": NUMBER, "second_transmission_error": 3e-4}
-STICKING: dict[str, Any] = {
-    "motor_coulomb_up": 1.0,
-    "motor_coulomb_down": 1.0,
-    "motor_static": 0.6,
-    "stribeck_velocity": 0.15,
-}
-BRISTLES: dict[str, Any] = {
-    "bristle_coulomb": 2.0,
-    "bristle_static": 2.0,
-    "bristle_stiffness": 400.0,
-    "stribeck_velocity": 0.15,
-}
+STICKING: dict[str, Any] = {**DRY, **STICTION}
 NO_ERROR = ModelError(0.0, 0.0, 0.0)
 ENOUGH, TOO_LITTLE = THRESHOLDS.shape_promise + 0.001, THRESHOLDS.shape_promise - 0.001
+
+
+@pytest.fixture(scope="module")
+def plain() -> Fitted:
+    """Return a fit to four seconds of the paper's joint."""
+    return fitted(made(4, 4.0))
 
 
 @pytest.mark.parametrize(
@@ -85,7 +79,7 @@ def test_a_peak_may_be_the_second_harmonic_of_a_transmission():
 
 
 @pytest.mark.parametrize("velocity", [0.04, 0.11, 0.9])
-def test_candidates_for_a_velocity_lie_close(velocity, monkeypatch):
+def test_candidates_for_a_velocity_lie_close(plain, velocity, monkeypatch):
     """Assert that candidates around the best one are refined, with geometric spacing."""
     asked = []
 
@@ -94,7 +88,6 @@ def test_candidates_for_a_velocity_lie_close(velocity, monkeypatch):
         return -abs(np.log(asked[-1] / velocity))
 
     monkeypatch.setattr(shapes, "_promised", promised)
-    plain = fitted(made(4, 4.0))
     (_, best), *_ = shapes._promising(STRIBECK, plain, plain.structure)
     assert STRIBECK.of(best) == pytest.approx(velocity, rel=0.15)
     assert len(asked) == len(STRIBECK.candidates(plain.structure, plain.data)) + 2 * 5
@@ -162,9 +155,8 @@ def test_a_constant_is_sought_where_something_ended_at_a_bound(bounded):
 
 
 @pytest.mark.parametrize("preload", [0.0, 3.0, -3.0])
-def test_a_preload_moves_where_a_bend_is_looked_for(preload):
+def test_a_preload_moves_where_a_bend_is_looked_for(plain, preload):
     """Assert that candidates are dense, on both sides of the deflection's mean."""
-    plain = fitted(made(4, 4.0))
     (recording,) = plain.data.samples
     moved = replace(recording, positions=recording.positions + np.array([preload, 0.0]))
     data = replace(plain.data, samples=(moved,))
@@ -206,41 +198,6 @@ def test_the_spectrum_by_position_shows_the_number():
     assert few == pytest.approx(resolution * np.linspace(1.0, 4.0, 5))
 
 
-def test_a_bend_is_sought_in_place_of_a_cubic_spring():
-    """Assert that a bend is found from which steps with a cubic term lead away."""
-    found = identify([log(made(2, bend=0.5, bend_stiffness=-35.0, noise=1e-4))])
-    assert "bent_spring" in found.choices.terms
-    assert found.parameters["joint_stiffness"].value == pytest.approx(100.0, rel=1e-4)
-    assert found.parameters["bend_stiffness"].value == pytest.approx(-35.0, rel=1e-3)
-
-
-def test_the_law_of_requested_friction_is_that_of_the_better_fit():
-    """Assert that the law is not chosen by the first step, which favours the other one."""
-    terms = (*PAPER_TERMS, "motor_coulomb", "motor_stribeck")
-    falls = {**STICKING, "motor_static": 1.0, "stribeck_velocity": 0.8}
-    found = identify([log(made(4, 12.0, **falls))], Settings(terms=terms))
-    assert found.choices.shapes["stribeck_exponent"] == 2.0
-    assert found.parameters["motor_stribeck_friction"].value == pytest.approx(1.0, rel=2e-3)
-    assert found.parameters["motor_stribeck_friction"].verdict == "determined"
-
-
-def test_friction_may_fall_slowly():
-    """Assert that the rare law is found from a fit with another one, with a positive velocity.
-
-    It is found for requested friction as well.
-    """
-    falls = {**STICKING, "motor_static": 1.0, "stribeck_velocity": 0.2, "stribeck_exponent": 0.5}
-    asked = Settings(terms=(*PAPER_TERMS, "motor_coulomb", "motor_stribeck"))
-    recording = log(made(5, 12.0, **falls))
-    found, requested = (identify([recording], settings) for settings in (Settings(), asked))
-    assert found.choices.shapes["stribeck_exponent"] == 0.5
-    assert requested.choices.shapes["stribeck_exponent"] == 0.5
-    for name, value in (("motor_coulomb_friction", 1.0), ("stribeck_velocity", 0.2)):
-        low, high = found.parameters[name].interval
-        assert low < value < high
-        assert found.parameters[name].verdict == "determined"
-
-
 @pytest.mark.parametrize("tied", [True, False])
 def test_a_reflected_bend_is_the_same_spring(tied: bool):
     """Assert equal torques of both rows, and positive constants; other values stay."""
@@ -263,22 +220,32 @@ def test_a_reflected_bend_is_the_same_spring(tied: bool):
         assert torque(found, *names) == pytest.approx(torque(values, *names), abs=1e-9)
 
 
-def test_a_given_constant_is_the_only_candidate():
+def test_a_given_constant_is_the_only_candidate(plain):
     """Assert that no other constant is tried if prior knowledge fixes it."""
-    plain = fitted(made(4, 4.0))
     given = replace(plain.structure, fixed={BEND.constant: 0.37})
     ((_, own),) = shapes._promising(BEND, plain, given)
     assert BEND.of(own) == 0.37
 
 
 @pytest.mark.parametrize(
-    ("promises", "followed"),
-    [([0.9, 0.8, 0.1, 0.7], [0.1, 0.4]), ([0.1, 0.8, 0.9, 0.2], [0.3, 0.1])],
+    ("known", "is_scale", "followed"),
+    [
+        ({0.1: 0.9, 0.2: 0.8, 0.3: 0.1, 0.4: 0.7}, False, [0.1, 0.4]),
+        ({0.1: 0.1, 0.2: 0.8, 0.3: 0.9, 0.4: 0.2}, False, [0.3, 0.1]),
+        ({0.1: 0.9, 0.2: 0.8, 0.4: 0.7, 0.8: 0.6}, True, [0.1, 0.4]),
+        ({0.1: 0.6, 0.2: 0.8, 0.4: 0.9, 0.8: 0.7}, True, [0.4, 0.1]),
+        ({0.1: 0.8, 0.2: 0.9, 0.4: 0.7, 0.8: 0.6}, True, [0.2, 0.8]),
+    ],
 )
-def test_followed_candidates_lie_apart(monkeypatch, promises, followed):
+def test_followed_candidates_lie_apart(monkeypatch, known, is_scale, followed):
     """Assert that the second one lies more than twice the resolution from the best."""
-    known = dict(zip((0.1, 0.2, 0.3, 0.4), promises, strict=True))
-    shape = replace(BEND, candidates=lambda *_: [*known], resolution=lambda *_: 0.06)
+
+    def resolution(joint, _):
+        return 0.8 * joint.first[BEND.constant] if is_scale else 0.06
+
+    shape = replace(BEND, candidates=lambda *_: [*known], resolution=resolution)
+    if is_scale:
+        shape = replace(shape, least=lambda _: 0.0)
     monkeypatch.setattr(shapes, "_promised", lambda _, own: known[shape.of(own)])
     monkeypatch.setattr(shapes, "_near", lambda _s, _b, own, value: [(1.0, shape.put(own, value))])
     before = over(4, 9.0)
@@ -286,36 +253,17 @@ def test_followed_candidates_lie_apart(monkeypatch, promises, followed):
     assert found == followed
 
 
-@pytest.mark.parametrize(
-    ("best", "followed"),
-    [(0.1, [0.1, 0.4]), (0.4, [0.4, 0.1]), (0.2, [0.2, 0.8])],
-)
-def test_followed_candidates_on_a_scale_lie_apart(monkeypatch, best, followed):
-    """Assert that constants on a scale are followed to either side of the best one."""
-    order = sorted((0.1, 0.2, 0.4, 0.8), key=lambda value: abs(np.log(value / best)))
-    known = dict(zip(order, (0.9, 0.8, 0.7, 0.6), strict=True))
-    shape = replace(BEND, candidates=lambda *_: [*known], least=lambda _: 0.0)
-    shape = replace(shape, resolution=lambda joint, _: 0.8 * joint.first[BEND.constant])
-    monkeypatch.setattr(shapes, "_promised", lambda _, own: known[shape.of(own)])
-    monkeypatch.setattr(shapes, "_near", lambda _s, _b, own, value: [(1.0, shape.put(own, value))])
-    before = over(4, 9.0)
-    found = [shape.of(own) for _, own in shapes._promising(shape, before, before.structure)]
-    assert found == followed
-
-
-def test_friction_that_rises_with_the_speed_is_no_stribeck_friction():
+def test_friction_that_rises_with_the_speed_is_no_stribeck_friction(plain):
     """Assert that a negative Stribeck friction does not count as seen."""
     for size, seen in ((1.0, True), (-1.0, False)):
-        plain = fitted(made(4, 4.0))
         own = plain.structure
         fit: Any = SimpleNamespace(by_name={"alpha_stribeck": size}, structure=own, data=plain.data)
         assert replace(STRIBECK, least=lambda _: 0.0).is_seen_in(fit) == seen
 
 
 @pytest.mark.parametrize(("reach", "seen"), [(1.5, True), (0.7, False)])
-def test_presliding_along_a_path_within_the_noise_is_not_seen(reach, seen):
+def test_presliding_along_a_path_within_the_noise_is_not_seen(plain, reach, seen):
     """Assert that a reach, given in standard deviations of the noise, must exceed it."""
-    plain = fitted(made(4, 4.0))
     own = PRESLIDING.put(plain.structure, 1.0 / (reach * plain.data.noise[-1]))
     fit: Any = SimpleNamespace(by_name={}, structure=own, data=plain.data)
     assert PRESLIDING.is_seen_in(fit) == seen
@@ -453,37 +401,58 @@ def test_a_requested_constant_begins_fixed(monkeypatch, promise, costs, chosen):
     assert found == [fits[chosen]]
 
 
-REQUESTED: dict[str, tuple[dict[str, Any], tuple[str, ...], dict[str, float]]] = {
-    # Without presliding the friction seems to rise with the speed.
-    "friction that falls, with presliding": (
-        {**STICKING, **BRISTLES},
-        ("motor_stribeck", "motor_presliding"),
-        {"motor_stribeck_friction": 0.6, "presliding_friction": 2.0, "presliding_reach": 0.005},
+FRICTION = ("motor_coulomb", "motor_stribeck")
+FALLS: dict[str, Any] = {**DRY, "motor_static": 1.0}
+SLOWLY: dict[str, Any] = {**FALLS, "stribeck_velocity": 0.2, "stribeck_exponent": 0.5}
+BOTH = {**SLID, "motor_coulomb_friction": 3.0}
+ALL_THREE = ("motor_coulomb", "motor_stribeck", "motor_presliding")
+REMEMBERED = ("motor_coulomb", "spring_hysteresis", "motor_presliding")
+UNEVENLY = ("motor_coulomb", "torque_ripple", "bent_spring")
+CASES = {
+    "a bend from which steps with a cubic term lead away": Case(
+        {"bend": 0.5, "bend_stiffness": -35.0, "noise": 1e-4},
+        ("bent_spring",),
+        seconds={2: 10.0},
+        accuracy=1e-3,
     ),
-    "a spring that remembers, with presliding": (
-        {**BRISTLES, "hysteresis_torque": 0.5, "hysteresis_reach": 0.03},
-        ("spring_hysteresis", "motor_presliding"),
-        {"spring_hysteresis": 0.5, "presliding_friction": 2.0, "presliding_reach": 0.005},
+    # The first step favours the other law.
+    "requested friction, whose law is that of the better fit": Case(
+        {**FALLS, "stribeck_velocity": 0.8},
+        FRICTION,
+        settings=asked(*FRICTION),
+        seconds={4: 12.0},
+        accuracy=2e-3,
+        shapes={"stribeck_exponent": 2.0},
     ),
-    "a bend and a ripple": (
-        {**BENT, **RIPPLED},
-        ("bent_spring", "torque_ripple"),
-        {"bend_stiffness": 40.0, "bend_deflection": 0.3, "torque_ripple": 0.3},
+    # The rare law is found from a fit with another one.
+    "friction that falls slowly": Case(
+        SLOWLY, FRICTION, seconds={5: 12.0}, accuracy=0.02, shapes={"stribeck_exponent": 0.5}
+    ),
+    "requested friction that falls slowly": Case(
+        SLOWLY,
+        FRICTION,
+        settings=asked(*FRICTION),
+        seconds={5: 12.0},
+        accuracy=0.02,
+        shapes={"stribeck_exponent": 0.5},
+    ),
+    # Terms that hide each other: without presliding the friction seems to rise with the speed.
+    "requested friction that falls, with presliding": Case(
+        {**STICKING, **BRISTLES}, ALL_THREE, BOTH, asked(*ALL_THREE), {3: 12.0}, 0.02
+    ),
+    "a requested spring that remembers, with presliding": Case(
+        {**BRISTLES, **HYSTERESIS}, REMEMBERED, SLID, asked(*REMEMBERED), {3: 12.0}, 0.02
+    ),
+    "a requested bend and a ripple": Case(
+        {**BENT, **RIPPLED}, UNEVENLY, {}, asked(*UNEVENLY), {3: 12.0}, 0.02
     ),
 }
 
 
-@pytest.mark.parametrize("name", REQUESTED)
-def test_requested_terms_are_found_together(name):
-    """Assert the values of terms that hide each other."""
-    acts, asked, values = REQUESTED[name]
-    terms = (*PAPER_TERMS, "motor_coulomb", *asked)
-    found = identify([log(made(3, 12.0, **acts))], Settings(terms=terms))
-    for parameter, value in values.items():
-        low, high = found.parameters[parameter].interval
-        assert found.parameters[parameter].verdict == "determined"
-        assert found.parameters[parameter].value == pytest.approx(value, rel=0.02)
-        assert abs(found.parameters[parameter].value - value) <= high - low
+@pytest.mark.parametrize("name", CASES)
+def test_terms_are_found_with_their_constants(name):
+    """Assert terms, laws and values where steps lead astray, or terms hide each other."""
+    CASES[name].check(CASES[name].identified())
 
 
 def test_the_requested_term_that_explains_the_most_comes_first(monkeypatch):
@@ -529,9 +498,8 @@ WITH_CONSTANT = [shape for shape in sought_terms.SOUGHT if shape.constant]
 
 
 @pytest.mark.parametrize("shape", [sought_terms.HYSTERETIC, *WITH_CONSTANT])
-def test_where_nothing_moves_nothing_is_sought(shape):
+def test_where_nothing_moves_nothing_is_sought(plain, shape):
     """Assert that a joint at rest has no candidates, and that a requested term is refused."""
-    plain = fitted(made(4, 4.0))
     (recording,) = plain.data.samples
     none = np.zeros_like(recording.positions)
     resting = replace(recording, positions=none, velocities=none)
@@ -543,9 +511,8 @@ def test_where_nothing_moves_nothing_is_sought(shape):
         shapes.fit_requested_shapes([shape], by_length, lambda _: None, THRESHOLDS)
 
 
-def test_stribeck_friction_falls_within_the_motors_velocities():
+def test_stribeck_friction_falls_within_the_motors_velocities(plain):
     """Assert that a Stribeck velocity above three times the largest velocity is refused."""
-    plain = fitted(made(4, 4.0))
     largest = float(np.abs(plain.data.samples[0].velocities[:, 1]).max())  # pyright: ignore[reportOptionalSubscript]
     for share, is_possible in ((2.9, True), (3.1, False)):
         own = sought_terms.STRIBECK.put(plain.structure, share * largest)
@@ -554,9 +521,8 @@ def test_stribeck_friction_falls_within_the_motors_velocities():
         assert sought_terms.STRIBECK.is_possible(replace(plain, structure=own))
 
 
-def test_many_turns_need_no_more_memory():
+def test_many_turns_need_no_more_memory(plain):
     """Assert that the length of the spectrum is limited for a motor that turns on and on."""
-    plain = fitted(made(4, 4.0))
     (recording,) = plain.data.samples
     away = np.linspace(0.0, 1e6, len(recording))[:, None]
     turning = replace(recording, positions=recording.positions + away)

@@ -16,12 +16,7 @@ from flexid.models.flexible_joint import (
     rigid_joint,
 )
 from flexid.models.motion import unit_of
-from flexid.models.physical import (
-    Quotient,
-    difference,
-    joint_coefficients,
-    physical_parameters,
-)
+from flexid.models.physical import Quotient, difference, joint_coefficients, physical_parameters
 
 TRUTH = {
     "gravity_torque": 5.0,
