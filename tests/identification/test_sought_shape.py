@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_joint import WITHOUT, fitted, log, made, made_fit, over, turned
+from made_joint import WITHOUT, by_length_of, fitted, log, made, made_fit, over, turned
 from simulated_cases import BENT, BRISTLES, DRY, HYSTERESIS, RIPPLED, SLID, STICTION, Case, asked
 
 import flexid.identification.structure.shapes as shapes
@@ -105,7 +105,7 @@ def test_no_velocity_is_sought_that_friction_takes_in_a_sample(monkeypatch):
     monkeypatch.setattr(shapes, "explained_by", lambda *a: first if a[-1](first) else None)
     monkeypatch.setattr(FitsByLength, "longer", lambda *_: [])
     monkeypatch.setattr(FitsByLength, "with_term", lambda *_: by_length)
-    by_length = FitsByLength((first,), (first.problem.segments,), True, ("cubic",), "")
+    by_length = by_length_of(first, divisions=(first.problem.segments,))
     for least, follows in ((0.23, False), (0.14, True)):  # the fit has 0.15
         asked.clear()
         shape = replace(STRIBECK, least=lambda _, own=least: own)
@@ -318,7 +318,7 @@ def test_which_constants_are_followed(monkeypatch, promises, holding, begun, cho
 
     before = over(SAME, 9.0)
     before.names, before.structure = ("theta2",), before.structure.without(HARDENING)
-    by_length = FitsByLength((before,), cast(Any, (range(SAME),)), True, ("cubic",), "")
+    by_length = by_length_of(before)
     monkeypatch.setattr(shapes, "_promised", lambda _, s: promises[shape.of(s)])
     monkeypatch.setattr(shapes, "sampled", lambda fit: fit)
     monkeypatch.setattr(shapes, "explained_by", explained_by)
@@ -363,7 +363,7 @@ def test_the_likeliest_law_stays(monkeypatch, excess, slow, size, tried, ended):
         FitsByLength, "longer", lambda _, fit, __: [over(1, fit.excess, fit.structure)]
     )
     monkeypatch.setattr(FitsByLength, "with_term", lambda _, found, __: found)
-    by_length = FitsByLength((first,), cast(Any, (range(SAME),)), True, ("cubic",), "")
+    by_length = by_length_of(first)
     rises = {"is_possible": lambda fitted: fitted.by_name.get("alpha_stribeck", 1.0) > 0.0}
     shape = replace(STRIBECK, least=lambda _: 0.0, **rises)
     found: Any = fit_with_shape(shape, by_length, first, [], lambda _: None, THRESHOLDS)
@@ -395,8 +395,8 @@ def test_a_requested_constant_begins_fixed(monkeypatch, promise, costs, chosen):
     monkeypatch.setattr(shapes, "fit_by_length", fit_by_length)
     monkeypatch.setattr(FitsByLength, "longer", lambda *_: [])
     monkeypatch.setattr(FitsByLength, "with_term", lambda _, found, __: found)
-    by_length = FitsByLength((before,), cast(Any, (range(SAME),)), True, ("cubic",), "")
-    found: Any = shapes.fit_requested_shapes([shape], by_length, lambda _: None, THRESHOLDS)
+    rest = by_length_of(before), lambda _: None, THRESHOLDS
+    found: Any = shapes.fit_requested_shapes([shape], *rest)
     assert starts == [(-1.0, NUMBER), (0, None)][: len(costs)]
     assert found == [fits[chosen]]
 
@@ -472,9 +472,8 @@ def test_the_requested_term_that_explains_the_most_comes_first(monkeypatch):
     monkeypatch.setattr(shapes, "_requested", lambda shape, *_: [(leaves[shape.words], fit)])
     monkeypatch.setattr(shapes, "_with_best_law", with_best_law)
     monkeypatch.setattr(shapes, "_with_likelier_law", with_likelier_law)
-    by_length = FitsByLength((fit,), cast(Any, (range(SAME),)), True, ("cubic",), "")
     asked = (RIPPLE, STRIBECK, BEND)
-    shapes.fit_requested_shapes(asked, by_length, lambda _: None, THRESHOLDS)
+    shapes.fit_requested_shapes(asked, by_length_of(fit), lambda _: None, THRESHOLDS)
     assert order == [STRIBECK, RIPPLE, BEND]
     assert again == [STRIBECK, RIPPLE]
 
@@ -506,7 +505,7 @@ def test_where_nothing_moves_nothing_is_sought(plain, shape):
     data = replace(plain.data, samples=(resting,))
     assert shape.candidates(plain.structure, data) == []
     still = replace(plain, data=data)
-    by_length = FitsByLength((still,), (still.problem.segments,), True, ("cubic",), "")
+    by_length = by_length_of(still, divisions=(still.problem.segments,))
     with pytest.raises(ConvergenceError, match=shape.words):
         shapes.fit_requested_shapes([shape], by_length, lambda _: None, THRESHOLDS)
 
