@@ -354,15 +354,12 @@ def test_a_cable_that_is_fitted_is_no_doubt():
     assert estimating.by_cable(seen, row) is None
 
 
-def test_only_encoders_of_their_own_err_once_per_turn():
-    """Assert that a directly measured deflection has no eccentricity that looks like gravity."""
-    fitted = eccentric(0.0, 0.3)[0]
-    alone = replace(fitted, data=replace(fitted.data, relative_to={"link": "motor"}))
-    assert estimating.by_eccentricity(alone) is None
-
-
 def test_a_smaller_trial_replaces_one_that_diverges(monkeypatch: pytest.MonkeyPatch):
-    """Assert that a smaller trial gives nearly the same doubt if the usual one diverges."""
+    """Assert that a smaller trial gives nearly the same doubt if the usual one diverges.
+
+    If all diverge, gravity may be wrong by its value. A directly measured deflection has no
+    eccentricity that looks like gravity.
+    """
     fitted, likely = eccentric(0.0, 0.3)[0], estimating.likely_changes
     usual = estimating.by_eccentricity(fitted)
 
@@ -374,17 +371,14 @@ def test_a_smaller_trial_replaces_one_that_diverges(monkeypatch: pytest.MonkeyPa
     assert usual is not None
     assert small is not None
     assert np.linalg.norm(small) == pytest.approx(np.linalg.norm(usual), rel=0.1)
-
-
-def test_gravity_is_open_if_its_error_cannot_be_followed(monkeypatch: pytest.MonkeyPatch):
-    """Assert that gravity may be wrong by its value if the motion with an eccentricity diverges."""
-    fitted = eccentric(0.0, 0.3)[0]
     monkeypatch.setattr(estimating, "likely_changes", diverging)
     directions = estimating.by_eccentricity(fitted)
     assert directions is not None
     errors = dict(zip(fitted.names, directions[:, 0].tolist(), strict=True))
     assert {name for name, error in errors.items() if error} == {"theta1"}
     assert errors["theta1"] == pytest.approx(fitted.by_name["theta1"])
+    alone = replace(fitted, data=replace(fitted.data, relative_to={"link": "motor"}))
+    assert estimating.by_eccentricity(alone) is None
 
 
 def unended(fitted: Fitted) -> Fitted:

@@ -13,24 +13,20 @@ from flexid.models.parametric_system import ParametricSystem, Row
 ARM = Row("arm", "q", "v", {"a": "-sin(q)", "b": "-v"}, known="u")
 
 
-def test_sympy_expressions_are_stored_as_text():
-    """Assert that a SymPy expression and its text declare the same system."""
-    q, v = sp.symbols("q v")
-    row = Row("arm", "q", "v", {"a": -sp.sin(q), "b": -v}, known=sp.Symbol("u"))  # type: ignore[arg-type]
-    assert ParametricSystem("m", (row,)).digest == ParametricSystem("m", (ARM,)).digest
-
-
 def test_the_digest_is_of_all_expressions_and_names():
-    """Assert that the digest covers signs of regressors and names of constants, not values."""
+    """Assert that the digest covers signs of regressors and names of constants, not values.
 
-    def system(**constants: float) -> ParametricSystem:
-        return ParametricSystem("m", (ARM,), constants=constants)
+    A SymPy expression and its text declare the same system.
+    """
 
-    assert system(k=1.0).digest == system(k=2.0).digest
-    assert system(k=1.0).digest != system(kk=1.0).digest
+    def digest(row: Row = ARM, **constants: float) -> str:
+        return ParametricSystem("m", (row,), constants=constants).digest
 
-    other = Row("arm", "q", "v", {"a": "sin(q)", "b": "-v"}, known="u")
-    assert ParametricSystem("m", (ARM,)).digest != ParametricSystem("m", (other,)).digest
+    assert digest(k=1.0) == digest(k=2.0) != digest(kk=1.0)
+    assert digest() != digest(Row("arm", "q", "v", {"a": "sin(q)", "b": "-v"}, known="u"))
+    q, v = sp.symbols("q v")
+    symbolic: Any = {"a": -sp.sin(q), "b": -v}
+    assert digest() == digest(Row("arm", "q", "v", symbolic, known=sp.Symbol("u")))  # type: ignore[arg-type]
 
 
 NAMES = ("1a", "a b", "_a", "class", "", "sin", "pi", "np", "log", "a.b", "lambda")
@@ -79,17 +75,16 @@ def write(folder: Path, text: str) -> Path:
 
 
 def test_good_file(tmp_path: Path):
-    """Assert that a file declares name, states, coefficients, constants and known part."""
+    """Assert that a file declares name, states, coefficients, constants and known part.
+
+    By default the input is u and the known part 0.
+    """
     system = read_model(write(tmp_path, GOOD))
     assert system.name == "pendulum"
     assert system.states == ("q", "v")
     assert system.coefficients == ("gravity", "friction")
     assert system.constants == {"inertia": 2.0}
     assert system.rows[0].known == "u/inertia"
-
-
-def test_input_and_known_part_may_be_left_out(tmp_path: Path):
-    """Assert the defaults: the input is u and the known part 0."""
     text = GOOD.replace('inputs = ["u"]', "").replace('known = "u/inertia"', "")
     system = read_model(write(tmp_path, text))
     assert (system.inputs, system.rows[0].known) == (("u",), "0")
