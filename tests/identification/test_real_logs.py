@@ -2,6 +2,7 @@
 
 import polars as pl
 import pytest
+from made_joint import assert_holds
 
 import flexid
 from flexid.identification.identify import identify
@@ -72,11 +73,7 @@ def test_slide_has_its_published_mass_and_friction(shared_data):
     assert slide.joint == "prismatic"
     assert slide.parameters["inertia"].unit == "kg"
     published = {"inertia": 95.1, "viscous_friction": 203.5, "coulomb_friction": 20.39}
-    for name, value in published.items():
-        lower, upper = slide.parameters[name].interval
-        assert lower <= value <= upper
-        assert upper - lower < 0.3 * value
-        assert slide.parameters[name].verdict == "determined"
+    assert_holds(slide, published, 0.3, verdict="determined")
     assert not any("gravity" in name for name in (*slide.parameters, *slide.choices.terms))
 
 
@@ -88,10 +85,7 @@ def test_pendulum_has_gravity_and_inertia(identified):
     by more than chance, which widens the intervals.
     """
     pendulum = identified("dfki-pendulum/ddp.csv", "columns_pendulum.toml")
-    for name, value in {"gravity_torque": 3.77, "inertia": 0.202}.items():
-        lower, upper = pendulum.parameters[name].interval
-        assert lower <= value <= upper
-        assert upper - lower < 0.4 * value
+    assert_holds(pendulum, {"gravity_torque": 3.77, "inertia": 0.202}, 0.4)
     assert pendulum.validation.fit_percent["motor_position"] > 95.0
     assert pendulum.model == "rigid"
     assert not pendulum.compliance.visible
