@@ -36,6 +36,11 @@ LINK = Settings(model="link")
 LATE = {"input_delay": 3e-3, "link_delay": 0.7e-3}
 DRY = {"motor_coulomb_up": 1.0, "motor_coulomb_down": 1.0}
 STRIBECK = {"motor_static": 0.6, "stribeck_velocity": 0.15}
+WEAK = {
+    **dict.fromkeys(("motor_coulomb_up", "motor_coulomb_down"), 0.1),
+    "motor_static": 0.05,
+    "stribeck_velocity": 0.8,
+}
 BRISTLES = {"bristle_coulomb": 2.0, "bristle_static": 2.0, "stribeck_velocity": 0.1}
 HYSTERESIS: dict[str, Any] = {"hysteresis_torque": 0.5, "hysteresis_reach": 0.03}
 MEMORY = {"spring_hysteresis": 0.5, "hysteresis_reach": 0.03}
@@ -92,6 +97,14 @@ CASES = {
         ("motor_coulomb", "motor_stribeck"),
         {"motor_coulomb_friction": 1.0, "motor_stribeck_friction": 0.6, "stribeck_velocity": 0.15},
         seconds={3: 12.0},
+        accuracy=0.03,
+    ),
+    # A friction of the squared velocity explains this log nearly as well.
+    "friction that falls off in slow motion": Case(
+        {**WEAK, "size": 0.15, "noise": 2e-4},
+        ("motor_coulomb", "motor_stribeck"),
+        {"motor_coulomb_friction": 0.1, "motor_stribeck_friction": 0.05, "stribeck_velocity": 0.8},
+        Settings(hold="cubic"),
         accuracy=0.03,
     ),
     "a spring that hardens": Case(

@@ -1,7 +1,7 @@
 """Identification job from logs and settings, and the search for the structure."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -22,6 +22,7 @@ from flexid.identification.preparation.settings import Settings, check_against, 
 from flexid.identification.preparation.stated import Stated, stated
 from flexid.identification.structure.choice import Choice, choose_structure
 from flexid.identification.structure.gap import (
+    CHANCE,
     about_its_centre,
     as_wide,
     fit_with_play,
@@ -251,6 +252,9 @@ def _predicting(job: Job) -> tuple[Choice, Validation]:
         allowed = thresholds.generous_gain if leaner else 0.0  # a leaner model is preferred
         if misprediction(validation) >= misprediction(other) + allowed:
             choice, validation = rival, other
+    for shape in SOUGHT:
+        if not shape.looks_like.isdisjoint(choice.fitted.names):
+            choice, validation = _unless_likelier(shape, choice, validation, job)
     tried: FitsByLength | None = None
     while choice.by_length is not tried and not explains(choice.fitted, thresholds):
         tried = choice.by_length
@@ -273,6 +277,21 @@ def _chosen(job: Job, by_length: FitsByLength, *, with_shapes: bool) -> tuple[Ch
     choice = choose_structure(by_length, job.kept, with_shapes, job.progress, job.thresholds)
     job.progress("predicting the held-out data")
     return _preferred(choice, job)
+
+
+def _unless_likelier(
+    shape: SoughtShape, choice: Choice, validation: Validation, job: Job
+) -> tuple[Choice, Validation]:
+    """Return the choice, or the likelier one with a term that the chosen one looks like."""
+    # Both may leave no more than noise, so that neither predicts better.
+    with suppress(ConvergenceError):
+        found = fit_requested_shapes([shape], choice.by_length, job.progress, job.thresholds)
+        rival, its = _chosen(job, found, with_shapes=True)
+        fall = choice.fitted.excess - rival.fitted.excess
+        is_likelier = fall * choice.fitted.problem.degrees_of_freedom > CHANCE
+        if is_likelier and shape.is_possible(rival.fitted):
+            return rival, its
+    return choice, validation
 
 
 def _further_searches(

@@ -53,6 +53,7 @@ class SoughtShape:
     # returns the lower limit of a visible constant
     least: Callable[[Fitted], float] = lambda _: 0.0
     in_place_of: frozenset[str] = frozenset()  # coefficients of a similar usual term
+    looks_like: frozenset[str] = frozenset()  # coefficients of an unusual term that may hide it
     laws: tuple[Mapping[str, float], ...] = ({},)  # values of further constants that are tried
     rare_laws: tuple[Mapping[str, float], ...] = ()  # values tried from a fit with another law
     is_possible: Callable[[Fitted], bool] = lambda _: True  # whether a fit has possible values

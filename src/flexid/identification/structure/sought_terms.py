@@ -215,6 +215,7 @@ STRIBECK = SoughtShape(
     laws=({STRIBECK_EXPONENT: 2.0}, {STRIBECK_EXPONENT: 1.0}),
     rare_laws=({STRIBECK_EXPONENT: 0.5},),
     is_possible=_falls,
+    looks_like=frozenset(SHAPE_TERMS["motor_drag"].coefficients),
 )
 """Stribeck friction of the motor, and its velocity."""
 
