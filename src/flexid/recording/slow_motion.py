@@ -52,7 +52,7 @@ _LATEST_OF_FIT = 0.03  # s, the largest delay that is estimated with the paramet
 _FEWEST_REACHES = 8  # least length of a log over the largest delay that is tried
 _FITS_LATER = 0.25  # residual squares with a delay over those without: 0.5 or more in correct logs
 _ON_TIME = 0.01  # residual squares over the input's: 1e-5 in logs of steps, 0.09 if 50 ms late
-_SMALLEST, _LARGEST = 0.003, 0.1
+_SMALLEST, LARGEST_SCALE_ERROR = 0.003, 0.1
 """Scale errors that are reported. Smaller ones hardly change an estimate. Larger ones indicate a
 soft joint, or an external motion, instead of a wrong scale."""
 
@@ -202,7 +202,7 @@ def _clear_share(
     share, error = own_share(deflection, moved, mechanics)
     left = left_over(deflection, mechanics)
     scaled = left_over(deflection, [moved, *mechanics])
-    named = _SMALLEST < abs(share) < _LARGEST and abs(share) > _CERTAIN * error
+    named = _SMALLEST < abs(share) < LARGEST_SCALE_ERROR and abs(share) > _CERTAIN * error
     return (share, error) if named and scaled < _EXPLAINED * left else None
 
 

@@ -46,6 +46,7 @@ from flexid.identification.structure.sought_terms import (
     PARALLEL,
     PRESLIDING,
     PROGRESSIVE,
+    SCALES,
     STRIBECK,
     TRANSMISSION,
 )
@@ -133,7 +134,8 @@ def _with_unusual_terms(
     """Return the fit with all unusual terms that are likely, and the spring's doubt by play."""
     # The error of a transmission hides all other laws of the spring.
     full = with_shape(TRANSMISSION, full, data, factor, kept)
-    full = with_shape(PARALLEL, full, data, factor, kept)
+    pulled = (with_shape(shape, full, data, factor, kept) for shape in (SCALES, PARALLEL))
+    full = min([full, *pulled], key=cost_of)
     # Friction of the load hides which spring the motor's balance shows, and the other way round.
     full = with_shape(LOADED, full, data, factor, kept)
     likely = likely_play(full.fitted.structure, data)
@@ -274,7 +276,8 @@ def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
     full = found.full  # used for hidden terms if the full fit to these data fails
     with suppress(ConvergenceError):
         fuller = fit_in_band(full.structure, data, factor, full.by_name, own.sizes)
-        if not fuller.fitted.converged:  # its values of removed terms would be wrong
+        # Values of removed terms are wrong without convergence, or in a wrong minimum.
+        if not fuller.fitted.converged or fuller.cost > own.cost:
             other = fit_in_band(full.structure, data, factor, own.fitted.by_name, own.sizes)
             fuller = min(fuller, other, key=cost_of)
         full = fuller.fitted

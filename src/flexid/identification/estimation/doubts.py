@@ -45,6 +45,7 @@ LINK_GRAVITY = frozenset(
     c for term in ("gravity", "gravity_cosine") for c in declared.TERMS[term].link
 )
 _PARALLEL = frozenset(declared.SHAPE_TERMS["parallel_spring"].coefficients)
+_SCALE = declared.SHAPE_TERMS["scale_error"]
 _MOTOR_SPRINGS = frozenset(motor for motor, *_ in declared.TIES.values()) | {declared.SPRING[1]}
 _VISCOUS = declared.coefficients_of("motor_viscous")
 
@@ -117,15 +118,29 @@ def eccentric_encoders(doubted: Doubted) -> FloatArray:
 
 
 def scales_apart(doubted: Doubted) -> FloatArray:
-    """Return errors by different scales of two encoders, mainly of gravity, through the spring."""
+    """Return errors by different scales of two encoders, mainly of gravity, through the spring.
+
+    If the model has the difference, it remains open which encoder is right.
+    """
     names = {*doubted.fitted.names}
     if not _PARALLEL.isdisjoint(names) and declared.SPRING[1] in names:
         return doubted.none  # the motor's balance has shown which of both it is
+    if not names.isdisjoint(_SCALE.coefficients):
+        return _either_scale(doubted)
     share = doubted.fitted.data.scales_apart
     pull = abs(doubted.fitted.by_name.get("theta2", 0.0))
     return doubted.diagonal(
         lambda name, value: share * (abs(value) + pull * (name in LINK_GRAVITY))
     )
+
+
+def _either_scale(doubted: Doubted) -> FloatArray:
+    """Return errors of the motor's balance if its encoder is wrong, of its spring if the link's."""
+    (error,), spring = _SCALE.motor, declared.SPRING[1]
+    values = doubted.fitted.by_name
+    share = values[error] / values[spring] / np.sqrt(3.0) if error in values else 0.0
+    own = doubted.diagonal(lambda name, value: share * value * (name == spring))
+    return np.hstack([doubted.common(share, "motor"), own])
 
 
 def gauge_scale(doubted: Doubted) -> FloatArray:

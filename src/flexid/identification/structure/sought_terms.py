@@ -34,6 +34,7 @@ from flexid.models.flexible_joint import (
     STRIBECK_EXPONENT,
     STRIBECK_VELOCITY,
 )
+from flexid.recording.slow_motion import LARGEST_SCALE_ERROR
 
 _LINK, _MOTOR = 0, 1  # indices of rows and positions
 _BY_LINK = frozenset({"link"})  # what disturbs the motor may look like the term in its balance
@@ -58,6 +59,7 @@ _GRIPS, _NEXT_GRIP = (0.25, 0.5, 1.0, 2.0, 4.0), 0.2
 # Bends over the deflection's standard deviation, counted from its mean, which a preload shifts.
 _DEFLECTIONS, _NEXT_DEFLECTION = (0.0, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0), 0.4
 _LEAST_DEFLECTION = 0.2  # least bend, likewise: a smaller one looks like friction
+_SCALE = SHAPE_TERMS["scale_error"]
 _BENDS = (*SHAPE_TERMS["bent_spring"].link, *SHAPE_TERMS["bent_spring"].motor)
 # Stiffness below the bend over that beyond it, up to which the bend looks like play; among
 # disturbances play of 1 to 3 mrad had up to 0.05.
@@ -346,7 +348,24 @@ PARALLEL = SoughtShape(
 )
 """A spring between the link and the base, such as a cable."""
 
-SOUGHT = (PROGRESSIVE, STRIBECK, RIPPLE, BEND, PARALLEL, TRANSMISSION, PRESLIDING)
+
+def _is_small(fitted: Fitted) -> bool:
+    """Whether two encoders differ in scale by little; more is a soft joint, or another motion."""
+    pairs = zip(SPRING, (*_SCALE.link, *_SCALE.motor), strict=True)
+    shares = (fitted.by_name.get(error, 0.0) / fitted.by_name.get(k, np.inf) for k, error in pairs)
+    is_gauge = bool(fitted.data.relative_to)
+    return not is_gauge and all(abs(share) < LARGEST_SCALE_ERROR for share in shares)
+
+
+SCALES = SoughtShape(
+    "an error of scales",
+    frozenset(SHAPE_TERMS["scale_error"].coefficients),
+    shown_in=_BY_LINK,
+    is_possible=_is_small,
+)
+"""Different scales of the two encoders, or a wrong gear ratio."""
+
+SOUGHT = (PROGRESSIVE, STRIBECK, RIPPLE, BEND, SCALES, PARALLEL, TRANSMISSION, PRESLIDING)
 """Terms that are tried one by one, mostly with a constant that is sought.
 
 A required term is sought likewise, except hysteresis: it is fitted with the usual terms, from the
