@@ -223,10 +223,13 @@ def test_a_spring_is_no_delay():
     assert found.excess > 100.0
 
 
-@pytest.mark.parametrize("stiffness", [1e6, 2e4])
-def test_a_delay_between_encoders_is_found(stiffness: float):
-    """Assert that a delay of 3 ms is found for a rigid joint and for a compliant one."""
-    acts: Any = {"joint_stiffness": stiffness, "gravity_torque": 0.0}
+@pytest.mark.parametrize(("stiffness", "gravity"), [(1e6, 0.0), (2e4, 0.0), (2e4, 60.0)])
+def test_a_delay_between_encoders_is_found(stiffness: float, gravity: float):
+    """Assert that a delay of 3 ms is found for a rigid joint and for a compliant one.
+
+    Gravity may bend the spring more than the acceleration does.
+    """
+    acts: Any = {"joint_stiffness": stiffness, "gravity_torque": gravity}
     found = skew(JOINT, data(made(6, link_delay=3e-3, **acts)))
     assert found.delay == pytest.approx(3e-3, rel=0.02)
     assert found.explained > 0.9
@@ -333,6 +336,28 @@ def test_a_torque_tells_gravity_from_an_eccentric_encoder(size: float):
     assert doubt < 0.7 * usual if size == 0.0 else doubt > usual
     assert abs(estimate.by_name["theta1"] - 8.0) <= half_widths(estimate)[place]
     assert abs(fitted.by_name["theta1"] - 8.0) == pytest.approx(150.0 * size, abs=0.02)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-3])
+def test_an_eccentric_encoder_bends_the_spring_as_gravity_does(size: float):
+    """Assert that the intervals contain the true values if gravity bends the spring most.
+
+    Without the error they are narrow, since the log excludes it.
+    """
+    tones, torques = np.array([1.1, 2.7, 6.3, 13.0]), np.array([16.0, 10.0, 10.0, 8.0])
+    acts: Any = {"joint_stiffness": 3000.0, "gravity_torque": 30.0, "motor_inertia": 1.8}
+    right = made(
+        3, 16.0, torque=lambda t: np.sin(np.outer(t, tones) + np.arange(4)) @ torques, **acts
+    )
+    log = data(seen(right, size * np.sin(right.needed_link_position), np.zeros(len(right))))
+    terms = structure("motor_viscous", "gravity")
+    found = fit_disturbed(terms, log, (), ("cubic",), THRESHOLDS, with_shapes=False)
+    estimate = disturbed_estimate(found, log, is_voltage=False)[0]
+    true = {"theta1": 30.0, "theta2": 3000.0, "alpha1": 3000.0 / 1.8, "beta1": 1.0 / 1.8}
+    halves = dict(zip(estimate.names, half_widths(estimate).tolist(), strict=True))
+    for name, value in true.items():
+        assert abs(estimate.by_name[name] - value) <= halves[name]
+    assert (halves["alpha1"] < 0.02 * true["alpha1"]) == (size == 0.0)
 
 
 @pytest.mark.parametrize(

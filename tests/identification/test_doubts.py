@@ -160,6 +160,18 @@ def test_a_spring_to_the_base_is_no_error_of_scales():
     assert doubts.scales_apart(replace(found, fitted=link)).size  # no motor's balance
 
 
+def test_it_is_open_which_of_two_encoders_is_right():
+    """Assert that an error of scales is one of the motor's balance, or of its spring alone."""
+    values = {"theta2": 100.0, "alpha1": 300.0, "alpha2": 2.0, "alpha_scale": 0.9}
+    alone: Any = SimpleNamespace(
+        **{**vars(doubted().fitted), "names": (*values,), "values": np.array([*values.values()])}
+    )
+    alone.by_name = values
+    moved = np.sqrt(3.0) / 0.003 * doubts.scales_apart(replace(doubted(), fitted=alone))
+    assert moved[:, 0] == pytest.approx([0.0, 300.0, 2.0, 0.9])
+    assert moved[:, 1:].sum(axis=1) == pytest.approx([0.0, 300.0, 0.0, 0.0])
+
+
 def test_a_hysteresis_may_follow_another_law():
     """Assert that its torque and its reach may both be larger by 15 %.
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_joint import JOINT, TRUTH, data, log, made, turned
+from made_joint import JOINT, TRUTH, data, log, made, pushed, seen, turned
 
 from flexid.arrays import to_json
 from flexid.errors import SettingError
@@ -121,6 +121,16 @@ CASES = {
     ),
     "a spring to the base": Case(
         {"parallel_stiffness": 1.0}, ("parallel_spring",), {"parallel_stiffness": 1.0}
+    ),
+    "an error of scales": Case(
+        {"motor_scale": 1.002},
+        ("scale_error",),
+        {
+            "scale_error": 0.002 / 1.002,
+            "motor_inertia": 0.3 / 1.002,
+            "motor_viscous_friction": 0.2 / 1.002,
+        },
+        accuracy=1e-3,
     ),
     "a spring that remembers": Case(HYSTERESIS, ("spring_hysteresis",), MEMORY),
     "a torque that saturates": Case(
@@ -256,6 +266,23 @@ def test_springs_are_found_among_disturbances():
         low, high = found.parameters[name].interval
         assert low < value < high
         assert found.parameters[name].value == pytest.approx(value, rel=0.02)
+
+
+def test_an_error_of_scales_is_found_among_disturbances():
+    """Assert the error, and narrow intervals of spring and gravity.
+
+    The first fit of all terms is in a wrong minimum, where removed terms seem to matter.
+    """
+    push = dict.fromkeys(("link_push", "motor_push"), 1.0)
+    shown = pushed(1, 12.0, gravity_torque=5.0, **push)
+    found = identify([log(seen(shown, 0.0 * shown.time, 0.005 * shown.motor_position))])
+    assert found.disturbances is not None
+    truth = {"scale_error": (0.005, 0.3), "joint_stiffness": (150.0, 0.05)}
+    truth["gravity_torque"] = (5.0, 0.2)
+    for name, (value, most) in truth.items():
+        low, high = found.parameters[name].interval
+        assert low < value < high
+        assert high - low < 2.0 * most * value
 
 
 def test_presliding_is_found_among_disturbances():

@@ -32,6 +32,16 @@ def test_neighbouring_grips_are_both_followed():
         assert grip - lower > shapes._APART * HYSTERETIC.resolution(joint, whole.data)
 
 
+@pytest.mark.parametrize("reach", [0.9, 1.1])
+def test_hysteresis_along_more_than_the_deflection_is_a_spring(reach: float):
+    """Assert that a reach is possible below the range of the deflection, and not above."""
+    whole = fitted(made(1, 10.0))
+    moved = float(np.ptp(whole.structure.joint.deflections(whole.data.samples)))
+    values = {SIZE: 0.1, "hysteresis_grip": 1.0 / (reach * moved)}
+    fit = made_fit(structure=whole.structure, data=whole.data, by_name=values)
+    assert HYSTERETIC.is_possible(fit) == (reach < 1.0)
+
+
 @pytest.mark.parametrize(
     ("before", "floor", "first", "last", "follows"),
     [

@@ -225,15 +225,18 @@ def let_down() -> dict[str, FloatArray]:
     return {"time": CLOCK, "motor_position": angle, "motor_torque": torque}
 
 
-def pushed() -> dict[str, FloatArray]:
-    """Return a pushed link, whose spring moves a motor without friction under a small torque."""
+def pushed(gain: float = 0.0) -> dict[str, FloatArray]:
+    """Return a pushed link, whose spring moves a motor without friction under a small torque.
+
+    A controller with a `gain` adds that multiple of the spring's torque.
+    """
     motor = np.array([np.sin(w * CLOCK + k) / w for k, w in enumerate(LOW)])
-    torque = 0.01 * np.sin(3.7 * CLOCK)
-    link = (1.0 - M * np.square(LOW) / K) @ motor - torque / K
-    link, motor = (
-        RESOLUTION * np.rint(values / RESOLUTION) for values in (link, motor.sum(axis=0))
-    )
-    return {"time": CLOCK, "link_position": link, "motor_position": motor, "motor_torque": torque}
+    disturbance = 0.01 * np.sin(3.7 * CLOCK)
+    moved = motor.sum(axis=0)
+    spring = (-M * np.square(LOW) @ motor - disturbance) / (1.0 + gain)
+    sides = {"link_position": moved + spring / K, "motor_position": moved}
+    rounded = {name: RESOLUTION * np.rint(side / RESOLUTION) for name, side in sides.items()}
+    return {"time": CLOCK, **rounded, "motor_torque": disturbance + gain * spring}
 
 
 RIGHT: Mapping[str, Mapping[str, FloatArray]] = {
@@ -248,6 +251,7 @@ RIGHT: Mapping[str, Mapping[str, FloatArray]] = {
     "a load that pulls against the torque": without(driven(*BETWEEN), "link"),
     "a load that is let down": let_down(),
     "a link that is pushed": pushed(),
+    "a link that is pushed, with a motor that helps": pushed(gain=1.0),
 }
 
 

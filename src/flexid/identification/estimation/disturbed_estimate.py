@@ -156,11 +156,12 @@ def by_cable(fitted: Fitted, row: RowFit) -> FloatArray | None:
 
 
 def by_eccentricity(fitted: Fitted) -> FloatArray | None:
-    """Return errors of gravity, shape (k, 3) or (k, 1), by an encoder error once per turn.
+    """Return errors of the values, shape (k, 3) or (k, 1), by an encoder error once per turn.
 
     In the link's balance such an error looks like gravity, through the spring. The motor's torque
-    balances gravity alone. So the log may show how large the error is. If the motion diverges with
-    such an error, gravity may be wrong by as much as its value.
+    balances gravity alone, so where gravity bends the spring most, its stiffness is wrong as well.
+    The log may show how large the error is. If the motion diverges with such an error, gravity may
+    be wrong by as much as its value.
     """
     gravity = np.array([name in LINK_GRAVITY for name in fitted.names])
     if fitted.data.relative_to or not gravity.any():
@@ -170,7 +171,7 @@ def by_eccentricity(fitted: Fitted) -> FloatArray | None:
     for share in (SHARE, SMALL_SHARE):
         rigs = [with_sensor_error(fitted, 0, error, share) for error in errors]
         with suppress(ConvergenceError):
-            return gravity[:, None] * likely_changes(fitted, rigs, _scatter(fitted), share)
+            return likely_changes(fitted, rigs, _scatter(fitted), share)
     return (gravity * fitted.values)[:, None]
 
 

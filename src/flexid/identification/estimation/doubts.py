@@ -69,7 +69,7 @@ class Doubted:
     by_gauge: FloatArray | None = None
     # (k, 2): change of gravity by a cable that the log allows
     by_cable: FloatArray | None = None
-    # (k, 3): change of gravity by encoder errors once per turn that the log allows
+    # (k, 3): change of the values by encoder errors once per turn that the log allows
     by_eccentricity: FloatArray | None = None
     # (k,): change of the values if the joint has damping instead of a late link encoder
     by_damping: FloatArray | None = None
@@ -111,7 +111,7 @@ def cable(doubted: Doubted) -> FloatArray:
 
 
 def eccentric_encoders(doubted: Doubted) -> FloatArray:
-    """Return errors of gravity by encoder errors once per turn, which act through the spring."""
+    """Return errors by encoder errors once per turn, which look like gravity through the spring."""
     if doubted.by_eccentricity is None:
         return doubted.none
     return doubted.by_eccentricity

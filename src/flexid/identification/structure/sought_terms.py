@@ -278,6 +278,19 @@ def spring_grips(structure: Structure, data: Data) -> list[float]:
     return [share * usual for share in _GRIPS] if moves else []
 
 
+def _brakes(fitted: Fitted) -> bool:
+    """Whether hysteresis brakes, along a path shorter than the range of the deflection.
+
+    Along a longer one it acts like the spring, and follows a drift of the deflection.
+    """
+    values, grip = fitted.by_name, fitted.by_name.get(HYSTERESIS_GRIP)
+    if any(values.get(name, 0.0) < 0.0 for name in HYSTERESIS):  # it would mean a gap
+        return False
+    if grip is None:  # it is still fixed
+        return True
+    return grip * float(np.ptp(fitted.structure.joint.deflections(fitted.data.samples))) > 1.0
+
+
 HYSTERETIC = SoughtShape(
     "hysteresis of the spring",
     HYSTERESIS,
@@ -285,8 +298,7 @@ HYSTERETIC = SoughtShape(
     spring_grips,
     lambda joint, _: _NEXT_GRIP * joint.first[HYSTERESIS_GRIP],
     shown_in=_BY_LINK,
-    # a negative friction would mean a gap
-    is_possible=lambda fitted: all(fitted.by_name.get(name, 0.0) >= 0.0 for name in HYSTERESIS),
+    is_possible=_brakes,
 )
 """Hysteresis of the spring, and one over the deflection along which its friction reverses."""
 
