@@ -271,6 +271,7 @@ LIKE_A_TERM = "an effect that no term describes may look like it"
 OF_A_BAND = "it depends on the frequency band that is fitted"
 HIDDEN = "a removed term may act in its place"
 OF_A_HALF = "the halves of the log disagree"
+OF_A_LAW = "friction or damping may follow another law"
 
 DOUBTS: Mapping[Doubt, str] = {
     calibration: "",
@@ -285,7 +286,7 @@ DOUBTS: Mapping[Doubt, str] = {
     dead_zone: "the amplifier may have a dead zone",
     play: LIKE_PLAY,
     another_law: "its hysteresis may follow another law",
-    term_law: "friction or damping may follow another law",
+    term_law: OF_A_LAW,
     late_link: "damping of the joint may look like a late link encoder",
     noise_of_the_input: "the input's noise may come from its sensor",
     looks_like_a_term: LIKE_A_TERM,
