@@ -45,7 +45,7 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing, later
 from flexid.estimators.prediction_error import Steps
 from flexid.estimators.samples import Samples, divide
-from flexid.identification.estimation.doubts import covariance_of
+from flexid.identification.estimation.doubts import ANOTHER_LAW, covariance_of
 from flexid.identification.estimation.rig_errors import SMALL_SHARE, likely_changes
 from flexid.identification.full_model.fitting import fit_segments
 from flexid.identification.full_model.model import Structure
@@ -222,6 +222,7 @@ def test_friction_that_falls_off_its_static_value_is_found():
         place = estimate.names.index(name)
         assert abs(error) < 2.0 * estimate.deviations[place]
         assert found.estimate.deviations[place] < 0.5 * estimate.deviations[place]
+    assert estimate.deviations[estimate.names.index(static)] > ANOTHER_LAW * values[static]
 
 
 def test_no_log_shows_the_zeros_of_joints():

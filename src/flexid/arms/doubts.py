@@ -22,6 +22,7 @@ from flexid.estimators.channel_timing import later
 from flexid.estimators.samples import Samples, side_by_side
 from flexid.estimators.segmented_motion import SegmentedMotion
 from flexid.identification.estimation.doubts import (
+    ANOTHER_LAW,
     CALIBRATION,
     ECCENTRICITY,
     GAUGE,
@@ -135,13 +136,15 @@ def by_zeros(fitted: FittedArm) -> FloatArray:
 
 
 def term_law(found: DisturbedFit) -> FloatArray:
-    """Return errors by velocities of Stribeck friction between those tried."""
+    """Return errors by another velocity or law of Stribeck friction."""
     return by_laws(found.fitted)
 
 
 def by_laws(fitted: FittedArm) -> FloatArray:
-    """Return errors by velocities of Stribeck friction between those tried, weighted by the log."""
-    return likely_changes(fitted, [*other_falls(fitted)])
+    """Return errors by the velocity of Stribeck friction, weighted by the log, and by its law."""
+    named = zip(fitted.names, fitted.values, strict=True)
+    at_rest = np.diag([ANOTHER_LAW * value * (STRIBECK in name) for name, value in named])
+    return np.hstack((likely_changes(fitted, [*other_falls(fitted)]), at_rest))
 
 
 def halves_of_the_log(found: DisturbedFit) -> FloatArray:
