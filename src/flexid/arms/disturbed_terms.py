@@ -42,7 +42,7 @@ def _with_unusual_terms(found: DisturbedFit, parts: Sequence[Unusual]) -> Distur
             near = job.in_band.with_gains_of(best.fitted, best.fitted.by_name, NEAR_STEPS)
             if near.minimum.equations.cost < squares - part.least:
                 other = job.in_band.fit(near.by_name, best.sizes, near)
-                if other.cost < best.cost - part.least and part.is_possible(other.fitted):
+                if other.cost < best.cost - part.least and part.is_possible(other.fitted.by_name):
                     found = DisturbedFit(job, other, ())
                     parts = not_in(job.structure, parts)
     return found

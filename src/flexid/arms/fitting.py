@@ -229,7 +229,7 @@ def _with_better(best: FittedArm, parts: list[Unusual]) -> FittedArm:
         with suppress(ConvergenceError):
             other = fit_segments(structure, best.data, segments, best.by_name, states, _ROUGH)
             better = _is_clearly_better(best, other.minimum.equations.cost, part.least)
-            if better and part.is_possible(other):
+            if better and part.is_possible(other.by_name):
                 best, parts = other, not_in(structure, parts)
     return best
 

@@ -60,9 +60,9 @@ class Unusual:
         joint = replace(structure.joint, balance=balance)
         return replace(structure, joint=joint, fixed=fixed, timing=timing)
 
-    def is_possible(self, fitted: FittedArm) -> bool:
-        """Whether no friction of these parameters came out negative."""
-        return all(fitted.by_name[name] >= 0.0 for name in self.names if "friction" in name)
+    def is_possible(self, values: Mapping[str, float]) -> bool:
+        """Whether no friction of these parameters is negative."""
+        return all(values[name] >= 0.0 for name in self.names if "friction" in name)
 
 
 LINES = Unusual((INPUT,), "linear")
@@ -113,7 +113,9 @@ def promises(fitted: FittedArm, parts: Sequence[Unusual]) -> Iterator[tuple[floa
             information = reduced.information[np.ix_(sought, sought)]
             scale = np.sqrt(np.maximum(np.diag(information), 0.0))
             inverse, _ = scaled_inverse(information, scale)
-            fall = float(score[sought] @ inverse @ score[sought])
+            step = inverse @ score[sought]
+            values = dict(zip(np.array(seen.names)[sought].tolist(), step.tolist(), strict=True))
+            fall = float(score[sought] @ step) if part.is_possible(values) else 0.0
             yield squares - fall + fitted.minimum.reduced.decrement, part
 
 
