@@ -30,8 +30,8 @@ ECCENTRICITY = 5e-4  # rad: 0.03 degrees, error of good encoders once per turn
 GAUGE = 0.02  # of the scale of a deflection sensor: strain gauges are calibrated to 3 or 4 %
 _LONGEST_COIL = 2e-3  # s: time constants of coils are hardly longer
 # Standard deviation of a hysteresis torque and its reach over their values, if the law is not
-# Dahl's. Errors were 1 to 37 % in seven logs after Bouc and Wen.
-_ANOTHER_LAW = 0.15
+# Dahl's, and of friction that falls. Errors were 1 to 37 % in seven logs after Bouc and Wen.
+ANOTHER_LAW = 0.15
 # Part of a balance's unexplained acceleration that may look like one of its terms, over the
 # unexplained share. A larger share is less likely to be chance.
 _LIKE_A_TERM = 0.4
@@ -229,7 +229,7 @@ def another_law(doubted: Doubted) -> FloatArray:
     What such a law leaves unexplained of the link's acceleration may be the spring's.
     """
     inverse = declared.HYSTERESIS_GRIP  # of the reach
-    share = dict.fromkeys(declared.HYSTERESIS, _ANOTHER_LAW) | {inverse: -_ANOTHER_LAW}
+    share = dict.fromkeys(declared.HYSTERESIS, ANOTHER_LAW) | {inverse: -ANOTHER_LAW}
     values = doubted.fitted.by_name
     left = float(doubted.shares.get("link", 0.0) / np.sqrt(3.0)) if inverse in values else 0.0
     springs = dict.fromkeys(declared.SPRING, left)
@@ -286,6 +286,7 @@ LIKE_A_TERM = "an effect that no term describes may look like it"
 OF_A_BAND = "it depends on the frequency band that is fitted"
 HIDDEN = "a removed term may act in its place"
 OF_A_HALF = "the halves of the log disagree"
+OF_A_LAW = "friction or damping may follow another law"
 
 DOUBTS: Mapping[Doubt, str] = {
     calibration: "",
@@ -300,7 +301,7 @@ DOUBTS: Mapping[Doubt, str] = {
     dead_zone: "the amplifier may have a dead zone",
     play: LIKE_PLAY,
     another_law: "its hysteresis may follow another law",
-    term_law: "friction or damping may follow another law",
+    term_law: OF_A_LAW,
     late_link: "damping of the joint may look like a late link encoder",
     noise_of_the_input: "the input's noise may come from its sensor",
     looks_like_a_term: LIKE_A_TERM,
