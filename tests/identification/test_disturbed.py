@@ -27,7 +27,8 @@ from flexid.identification.estimation import disturbed_estimate as estimating
 from flexid.identification.estimation.band import FitInBand
 from flexid.identification.estimation.disturbed import Disturbed, fit_disturbed, fit_disturbed_to
 from flexid.identification.estimation.disturbed_estimate import disturbed_estimate
-from flexid.identification.estimation.doubts import ECCENTRICITY
+from flexid.identification.estimation.doubts import ECCENTRICITY, Repeat
+from flexid.identification.estimation.input_noise import InputChoice
 from flexid.identification.estimation.model_error import by_other_laws
 from flexid.identification.estimation.rig_errors import SHARE
 from flexid.identification.full_model.fitting import expanded
@@ -248,8 +249,11 @@ def test_damping_of_a_pushed_joint_may_look_like_a_late_encoder():
     late = replace(usual, timing=replace(usual.timing, sought=(LINK,)))
     found = fit_disturbed(late, shaken, (), ("cubic",), THRESHOLDS, with_shapes=False)
     estimate = disturbed_estimate(found, shaken, is_voltage=False)[0]
+    place = estimate.names.index("alpha2")
     away = abs(estimate.by_name["alpha2"] - 1.5)
-    assert 3.0 < away < half_widths(estimate)[estimate.names.index("alpha2")]
+    assert 3.0 < away < half_widths(estimate)[place]
+    change = 3.0**0.5 * estimating.by_damping(found, shaken)[place, 0]  # from none to all of it
+    assert abs(estimate.by_name["alpha2"] + change - 1.5) < 0.1 * away
 
 
 @pytest.mark.parametrize("delay", [0.0, 2e-3])
@@ -260,7 +264,7 @@ def test_a_late_encoder_that_the_link_shows_is_no_damping(delay: float):
     late = replace(usual, timing=replace(usual.timing, sought=(LINK,)))
     found = fit_disturbed(late, log, (), ("cubic",), THRESHOLDS, with_shapes=False)
     assert (LINK in found.fitted.names) == bool(delay)
-    assert estimating.by_damping(found, log) is None
+    assert not estimating.by_damping(found, log).size
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -328,7 +332,6 @@ def test_a_torque_tells_gravity_from_an_eccentric_encoder(size: float):
     fitted, estimate = eccentric(size, 0.3)
     place, usual = fitted.names.index("theta1"), ECCENTRICITY * PUSHED["theta2"]
     directions = estimating.by_eccentricity(fitted)
-    assert directions is not None
     doubt = float(np.linalg.norm(directions[place]))
     assert doubt < 0.7 * usual if size == 0.0 else doubt > usual
     assert abs(estimate.by_name["theta1"] - 8.0) <= half_widths(estimate)[place]
@@ -350,11 +353,39 @@ def test_a_far_motion_tells_gravity_from_a_cable(
     found = fit_disturbed(terms, data(seen), (), ("cubic",), THRESHOLDS, with_shapes=False).fitted
     row = least_squares_start(found.structure, found.data, suited_rate(found))[1].rows[0]
     directions = estimating.by_cable(found, row)
-    assert directions is not None
     errors = dict(zip(found.names, np.linalg.norm(directions, axis=1).tolist(), strict=True))
     assert {name for name, error in errors.items() if error} == {"theta1"}
     assert doubt[0] < errors["theta1"] < doubt[1]
     assert abs(found.by_name["theta1"] - 8.0) < 2.0 * errors["theta1"]
+
+
+CHANGE = {"alpha1": 0.03, "theta2": -0.01}  # relative
+
+
+@pytest.mark.parametrize(
+    ("by", "factor", "least"),
+    [
+        # The uncertainty of a spring is at least that of the deflection sensor's scale.
+        (lambda found, log: estimating.by_gauge(found, log), 2.0, 0.02),
+        (lambda found, log: estimating.by_input_noise(found, log), 0.25, 0.0),
+    ],
+    ids=["gauge", "input"],
+)
+def test_another_fit_shows_the_error(
+    monkeypatch: pytest.MonkeyPatch, by: Any, factor: float, least: float
+):
+    """Assert the errors of values by the change of another fit, and none without a reason."""
+    found, log = fitted("a pushed link")[0], CASES["a pushed link"].data
+    assert not by(replace(found, input=InputChoice()), log).size
+    values, names = found.fitted.values, found.fitted.names
+    changes = np.array([CHANGE.get(name, 0.0) for name in names])
+    other = Repeat(values * (1.0 + changes), np.zeros(len(names)))
+    monkeypatch.setattr(estimating, "_refit", lambda *_: other)
+    noisy = replace(found, input=InputChoice(without_noise=True, left=0.25))
+    errors = by(noisy, replace(log, relative_to={"link": "motor"}))[:, 0] / values
+    springs = np.isin(names, ("theta2", "alpha1"))
+    expected = np.maximum(factor * np.abs(changes), least * springs)
+    assert np.abs(errors) == pytest.approx(expected)
 
 
 def test_a_cable_that_is_fitted_is_no_doubt():
@@ -363,14 +394,14 @@ def test_a_cable_that_is_fitted_is_no_doubt():
     wider = replace(fitted.structure, absent=fitted.structure.absent - {"theta_parallel"})
     row = least_squares_start(fitted.structure, fitted.data, suited_rate(fitted))[1].rows[0]
     seen = expanded(wider.with_hold(fitted.problem.timing.hold), fitted)
-    assert estimating.by_cable(seen, row) is None
+    assert not estimating.by_cable(seen, row).size
 
 
 def test_only_encoders_of_their_own_err_once_per_turn():
     """Assert that a directly measured deflection has no eccentricity that looks like gravity."""
     fitted = eccentric(0.0, 0.3)[0]
     alone = replace(fitted, data=replace(fitted.data, relative_to={"link": "motor"}))
-    assert estimating.by_eccentricity(alone) is None
+    assert not estimating.by_eccentricity(alone).size
 
 
 def test_a_smaller_trial_replaces_one_that_diverges(monkeypatch: pytest.MonkeyPatch):
@@ -383,8 +414,6 @@ def test_a_smaller_trial_replaces_one_that_diverges(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(estimating, "likely_changes", only_small)
     small = estimating.by_eccentricity(fitted)
-    assert usual is not None
-    assert small is not None
     assert np.linalg.norm(small) == pytest.approx(np.linalg.norm(usual), rel=0.1)
 
 
@@ -397,7 +426,6 @@ def test_gravity_is_open_if_its_error_cannot_be_followed(monkeypatch: pytest.Mon
 
     monkeypatch.setattr(estimating, "likely_changes", diverges)
     directions = estimating.by_eccentricity(fitted)
-    assert directions is not None
     errors = dict(zip(fitted.names, directions[:, 0].tolist(), strict=True))
     assert {name for name, error in errors.items() if error} == {"theta1"}
     assert errors["theta1"] == pytest.approx(fitted.by_name["theta1"])
