@@ -24,7 +24,7 @@ from made_joint import (
 from flexid.errors import ConvergenceError
 from flexid.identification.estimation import band, disturbed, unusual_terms
 from flexid.identification.estimation import disturbed_estimate as estimating
-from flexid.identification.estimation.band import FitInBand
+from flexid.identification.estimation.band import Band, JointInBand
 from flexid.identification.estimation.disturbed import Disturbed, fit_disturbed, fit_disturbed_to
 from flexid.identification.estimation.disturbed_estimate import disturbed_estimate
 from flexid.identification.estimation.doubts import ECCENTRICITY, Repeat
@@ -147,7 +147,7 @@ def test_friction_has_the_direction_of_a_late_link(monkeypatch: pytest.MonkeyPat
     late = data(made(7, 12.0, torque_noise=0.5, link_delay=8e-3, link_coulomb=1.0))
     base = structure("gravity", "motor_viscous", "link_coulomb", "joint_damping")
     own = replace(base, timing=replace(base.timing, sought=(LINK,)))
-    fit = band.fit_in_band(own, late, 16, {**COEFFICIENTS, "theta_coulomb": 1.0})
+    fit = Band(late, 16).fit(own, {**COEFFICIENTS, "theta_coulomb": 1.0})
     assert asked == [0.0, pytest.approx(8e-3, rel=0.1)]
     assert fit.fitted.by_name["theta2"] == pytest.approx(COEFFICIENTS["theta2"], rel=1e-3)
     moved = band.directions(late.samples, 16) - on_time(late, 8e-3, 16)
@@ -168,7 +168,7 @@ def test_the_core_stays_known(name: str):
 
 def test_what_each_log_shows():
     """Assert that disturbances are found in their row, rest in time, and play only if present."""
-    link, motor = fitted("a pushed link")[0].sizes.disturbances
+    link, motor = fitted("a pushed link")[0].best.sizes.disturbances
     assert 1.0 / 1.5 < link < 1.5
     assert motor < 0.3 * link
     observer = fitted("a drive that stops")[0].fitted.problem.observer
@@ -203,7 +203,8 @@ def test_friction_may_follow_the_other_law(law: float):
         joint = structure.joint.with_widths({"stribeck_exponent": own})
         start = found.fitted.by_name if not pair else pair[0].fitted.by_name
         own_structure = replace(structure, joint=joint)
-        pair.append(band.fit_in_band(own_structure, data, found.factor, start, found.sizes))
+        own_band = replace(found.best.band, data=data)
+        pair.append(own_band.fit(own_structure, start, found.best.sizes))
     first, second = (fit.fitted for fit in pair)
     change, scale = by_other_laws(first)[:, 0], first.unit_deviations
     assert np.abs(second.values / first.values - 1.0).max() > 0.4
@@ -252,7 +253,7 @@ def test_damping_of_a_pushed_joint_may_look_like_a_late_encoder():
     place = estimate.names.index("alpha2")
     away = abs(estimate.by_name["alpha2"] - 1.5)
     assert 3.0 < away < half_widths(estimate)[place]
-    change = 3.0**0.5 * estimating.by_damping(found, shaken)[place, 0]  # from none to all of it
+    change = 3.0**0.5 * estimating.by_damping(found)[place, 0]  # from none to all of it
     assert abs(estimate.by_name["alpha2"] + change - 1.5) < 0.1 * away
 
 
@@ -264,7 +265,7 @@ def test_a_late_encoder_that_the_link_shows_is_no_damping(delay: float):
     late = replace(usual, timing=replace(usual.timing, sought=(LINK,)))
     found = fit_disturbed(late, log, (), ("cubic",), THRESHOLDS, with_shapes=False)
     assert (LINK in found.fitted.names) == bool(delay)
-    assert not estimating.by_damping(found, log).size
+    assert not estimating.by_damping(found).size
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -366,8 +367,8 @@ CHANGE = {"alpha1": 0.03, "theta2": -0.01}  # relative
     ("by", "factor", "least"),
     [
         # The uncertainty of a spring is at least that of the deflection sensor's scale.
-        (lambda found, log: estimating.by_gauge(found, log), 2.0, 0.02),
-        (lambda found, log: estimating.by_input_noise(found, log), 0.25, 0.0),
+        (estimating.by_gauge, 2.0, 0.02),
+        (lambda found: estimating.by_input_noise(found, found.best.band.data), 0.25, 0.0),
     ],
     ids=["gauge", "input"],
 )
@@ -375,14 +376,16 @@ def test_another_fit_shows_the_error(
     monkeypatch: pytest.MonkeyPatch, by: Any, factor: float, least: float
 ):
     """Assert the errors of values by the change of another fit, and none without a reason."""
-    found, log = fitted("a pushed link")[0], CASES["a pushed link"].data
-    assert not by(replace(found, input=InputChoice()), log).size
+    found = fitted("a pushed link")[0]
+    assert not by(replace(found, input=InputChoice())).size
     values, names = found.fitted.values, found.fitted.names
     changes = np.array([CHANGE.get(name, 0.0) for name in names])
     other = Repeat(values * (1.0 + changes), np.zeros(len(names)))
     monkeypatch.setattr(estimating, "_refit", lambda *_: other)
-    noisy = replace(found, input=InputChoice(without_noise=True, left=0.25))
-    errors = by(noisy, replace(log, relative_to={"link": "motor"}))[:, 0] / values
+    own = found.best.band
+    gauged = replace(own, data=replace(own.data, relative_to={"link": "motor"}))
+    chosen = InputChoice(without_noise=True, left=0.25)
+    errors = by(replace(found, best=replace(found.best, band=gauged), input=chosen))[:, 0] / values
     springs = np.isin(names, ("theta2", "alpha1"))
     expected = np.maximum(factor * np.abs(changes), least * springs)
     assert np.abs(errors) == pytest.approx(expected)
@@ -431,7 +434,7 @@ def test_gravity_is_open_if_its_error_cannot_be_followed(monkeypatch: pytest.Mon
     assert errors["theta1"] == pytest.approx(fitted.by_name["theta1"])
 
 
-def diverging(_: FitInBand) -> FitInBand:
+def diverging(_: JointInBand) -> JointInBand:
     """Fail like a fit whose motion diverges."""
     raise ConvergenceError("prediction error", "the motion diverges")
 
@@ -444,15 +447,14 @@ def unended(fitted: Fitted) -> Fitted:
 
 
 def nth_fit(monkeypatch: pytest.MonkeyPatch, which: Collection[int], becomes: Any) -> None:
-    """Replace the results of the n-th fits by `becomes` of them."""
-    fit, made = disturbed.fit_in_band, []
+    """Replace the results of the n-th fits by `becomes` of them; the second has another input."""
+    fit, made = Band.fit, []
 
     def counted(*given: Any, **how: Any) -> Any:
         made.append(fit(*given, **how))
         return becomes(made[-1]) if len(made) in which else made[-1]
 
-    for module in (disturbed, unusual_terms, band):
-        monkeypatch.setattr(module, "fit_in_band", counted)
+    monkeypatch.setattr(Band, "fit", counted)
 
 
 @pytest.mark.parametrize(
@@ -470,7 +472,7 @@ def test_play_that_the_log_denies_is_no_doubt(
 
     monkeypatch.setattr(disturbed, "likely_play", likely_play)
     if not has_fit:
-        nth_fit(monkeypatch, {2}, diverging)
+        nth_fit(monkeypatch, {3}, diverging)
     case = CASES["a spring that hardens"]
     own = case.structure, case.data
     fit = fit_disturbed(*own, (), (case.hold,), THRESHOLDS, with_shapes=True)
@@ -497,8 +499,8 @@ def test_unusual_terms_that_are_likely_stay(monkeypatch: pytest.MonkeyPatch):
 def test_a_term_whose_fits_do_not_end_is_not_taken(monkeypatch: pytest.MonkeyPatch):
     """Assert that a likelier fit with another term counts only if it has converged."""
     case = CASES["friction that falls"]
-    plain = band.fit_in_band(case.structure, case.data, 4, {**COEFFICIENTS, "alpha_coulomb": 3.0})
-    asked = STRIBECK, plain, case.data, 4, ()
+    plain = Band(case.data, 4).fit(case.structure, {**COEFFICIENTS, "alpha_coulomb": 3.0})
+    asked = STRIBECK, plain, ()
     assert unusual_terms.with_shape(*asked).cost < plain.cost - 100.0
     monkeypatch.setattr(Fitted, "converged", property(lambda _: False))
     assert unusual_terms.with_shape(*asked) is plain
@@ -512,7 +514,11 @@ def test_a_fit_whose_steps_do_not_end_is_compared_with_no_other(monkeypatch: pyt
     disturbed_estimate(fit, case.data, is_voltage=False)
     assert made
     ended = len(made)
-    disturbed_estimate(replace(fit, fitted=unended(fit.fitted)), case.data, is_voltage=False)
+    disturbed_estimate(
+        replace(fit, best=replace(fit.best, fitted=unended(fit.fitted))),
+        case.data,
+        is_voltage=False,
+    )
     assert len(made) == ended
 
 
@@ -523,18 +529,17 @@ def test_a_fit_that_explains_little_begins_with_few_terms_too(
     """Assert that the likelier of two fits is kept: from all terms, or from the paper's first."""
     usual = fitted("a drive that stops")[0]
     made: list[Structure] = []
-    fit = disturbed.fit_in_band
+    fit = Band.fit
 
-    def first_astray(structure: Structure, *given: Any, **how: Any) -> FitInBand:
+    def first_astray(own: Band, structure: Structure, *given: Any, **how: Any) -> JointInBand:
         made.append(structure)
-        found = fit(structure, *given, **how)
+        found = fit(own, structure, *given, **how)
         if len(made) > 1:
             return diverging(found) if fails and len(made) == 2 else found
         return replace(found, cost=found.cost + 1e4, sizes=replace(found.sizes, disturbances=huge))
 
-    huge = 1e3 * usual.sizes.disturbances
-    for module in (disturbed, unusual_terms, band):
-        monkeypatch.setattr(module, "fit_in_band", first_astray)
+    huge = 1e3 * usual.best.sizes.disturbances
+    monkeypatch.setattr(Band, "fit", first_astray)
     found = CASES["a drive that stops"].fit()
     assert made[1].absent > made[0].absent
     if fails:
@@ -544,10 +549,10 @@ def test_a_fit_that_explains_little_begins_with_few_terms_too(
     assert found.full.values == pytest.approx(usual.full.values, rel=1e-2)
 
 
-def less_likely(by: float, *, in_sizes: bool = True) -> Callable[[FitInBand], FitInBand]:
+def less_likely(by: float, *, in_sizes: bool = True) -> Callable[[JointInBand], JointInBand]:
     """Return a function that makes a fit less likely, with tenfold disturbances or innovations."""
 
-    def far_off(fit: FitInBand) -> FitInBand:
+    def far_off(fit: JointInBand) -> JointInBand:
         if in_sizes:
             sizes = replace(fit.sizes, disturbances=10.0 * fit.sizes.disturbances)
             return replace(fit, cost=fit.cost + by, sizes=sizes)
@@ -562,7 +567,7 @@ def less_likely(by: float, *, in_sizes: bool = True) -> Callable[[FitInBand], Fi
 # The fit without friction has several minima, so its own likelihood depends on the processor.
 @pytest.mark.parametrize(
     ("by", "stays"),
-    [({2: 1e5, 3: 1e5}, True), ({2: 1e5, 3: -1e5}, False), ({2: -1e5}, False)],
+    [({3: 1e5, 4: 1e5}, True), ({3: 1e5, 4: -1e5}, False), ({3: -1e5}, False)],
 )
 @pytest.mark.parametrize("in_sizes", [True, False])
 def test_what_a_balance_cannot_do_without_stays(
@@ -604,7 +609,7 @@ def test_offsets_stay_where_the_motion_is_one_way(seed: int):
 
 def test_a_term_without_which_the_motion_runs_away_stays(monkeypatch: pytest.MonkeyPatch):
     """Assert that the fuller fit is kept if the leaner one diverges."""
-    nth_fit(monkeypatch, {2}, diverging)
+    nth_fit(monkeypatch, {3}, diverging)
     fit = CASES["a drive that stops"].fit()
     assert fit.fitted is fit.full
 
@@ -643,7 +648,7 @@ def test_fits_to_all_data_that_go_astray_are_made_up_for(monkeypatch: pytest.Mon
     """Assert the fallbacks if the fit to all data, or the one with all terms, fails or is worse."""
     fit, own = fitted("a pushed link")[0], CASES["a pushed link"].data
 
-    def unended_and_unlikely(fit: FitInBand) -> FitInBand:
+    def unended_and_unlikely(fit: JointInBand) -> JointInBand:
         return replace(fit, fitted=unended(fit.fitted), cost=fit.cost + 1e4)
 
     def again(n: int, becomes: Any) -> Disturbed:
@@ -651,8 +656,8 @@ def test_fits_to_all_data_that_go_astray_are_made_up_for(monkeypatch: pytest.Mon
             nth_fit(patched, {n}, becomes)
             return fit_disturbed_to(fit, own)
 
-    likelier = again(1, less_likely(1e4)).sizes.disturbances
-    assert likelier == pytest.approx(fit.sizes.disturbances, rel=0.5)
+    likelier = again(1, less_likely(1e4)).best.sizes.disturbances
+    assert likelier == pytest.approx(fit.best.sizes.disturbances, rel=0.5)
     leaner_alone = again(2, diverging)
     assert leaner_alone.full is fit.full
     assert leaner_alone.fitted is not fit.fitted
@@ -662,9 +667,9 @@ def test_fits_to_all_data_that_go_astray_are_made_up_for(monkeypatch: pytest.Mon
 def test_a_width_that_leads_nowhere_is_not_taken(monkeypatch: pytest.MonkeyPatch):
     """Assert that the width of play is kept if the fit with the width of its gap fails."""
     name = "play of 0.02 rad"
-    fit, log = fitted(name)[0], CASES[name].data
+    fit = fitted(name)[0].best
     wide = gap.as_wide(fit.fitted.structure, 0.015)
-    begun = disturbed.fit_in_band(wide, log, fit.factor, fit.fitted.by_name, fit.sizes)
+    begun = fit.band.fit(wide, fit.fitted.by_name, fit.sizes)
     assert not gap.is_dead_zone(begun.fitted)
     nth_fit(monkeypatch, {1}, diverging)
-    assert unusual_terms.with_width_of_gap(begun, log, fit.factor) is begun
+    assert unusual_terms.with_width_of_gap(begun) is begun

@@ -294,8 +294,9 @@ def _disturbed(job: Job) -> Answer:
     hidden = hidden_covariance(fits, certain=DISSIPATIVE)
     estimate, widest = disturbed_estimate(refitted, whole, hidden, is_voltage=job.is_voltage)
     sample_time = refitted.fitted.data.samples[0].sample_time
-    disturbances = Disturbances(refitted.shares, sample_time, refitted.input.removed_from(whole))
-    found = Answer(fits, validation, estimate, disturbances, refitted.cost, widest, retreat=retreat)
+    best, removed = refitted.best, refitted.input.removed_from(whole)
+    disturbances = Disturbances(best.shares, sample_time, removed)
+    found = Answer(fits, validation, estimate, disturbances, best.cost, widest, retreat=retreat)
     return _judged(found, undisturbed, job)
 
 
