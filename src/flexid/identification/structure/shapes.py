@@ -35,6 +35,7 @@ from flexid.identification.preparation.joint import Joint
 from flexid.identification.vocabulary import Progress
 from flexid.identification.vocabulary.thresholds import Thresholds
 
+_LINEAR = 1.0  # stands for the constant of a linear term, which has none
 _APART = 2.0  # distance of the followed candidates, over the resolution
 _AROUND = np.linspace(-0.4, 0.4, 5)  # distances of constants from a candidate, over the resolution
 
@@ -45,9 +46,9 @@ class SoughtShape:
 
     words: str  # description of the term
     coefficients: frozenset[str]  # of the term, including tied ones and the constant
-    constant: str | None = None  # the constant's name in the model; None for a linear term
+    constant: str = ""  # the constant's name in the model; empty for a linear term
     # returns candidate values of the constant; none if nothing moves
-    candidates: Callable[[Structure, Data], list[float]] = lambda *_: [0.0]
+    candidates: Callable[[Structure, Data], list[float]] = lambda *_: [_LINEAR]
     # returns the difference of two constants that the data clearly distinguish
     resolution: Callable[[Joint, Data], float] = lambda *_: 0.0
     # returns the lower limit of a visible constant
@@ -63,19 +64,16 @@ class SoughtShape:
 
     def of(self, structure: Structure) -> float:
         """Return the constant of a structure."""
-        return structure.joint.first[self.constant] if self.constant else 0.0
+        return structure.joint.first.get(self.constant, _LINEAR)
 
     def put(self, structure: Structure, value: float) -> Structure:
         """Return the structure with another constant."""
-        if self.constant is None:
-            return structure
-        return replace(structure, joint=structure.joint.with_widths({self.constant: value}))
+        return structure.beginning_at({self.constant: value})
 
     def held_in(self, structure: Structure) -> Structure:
         """Return the structure with the constant fixed: without the term nothing determines it."""
-        if self.constant is None:
-            return structure
-        return replace(structure, fixed={**structure.fixed, self.constant: self.of(structure)})
+        given = {self.constant: self.of(structure)} if self.constant else {}
+        return replace(structure, fixed={**structure.fixed, **given})
 
     def extensions(self, structure: Structure, kept: Collection[str] = ()) -> Iterator[Structure]:
         """Yield the structure with each law of the term, and with the term for a similar one.
@@ -100,12 +98,11 @@ class SoughtShape:
     def visible_candidates(self, fitted: Fitted) -> list[float]:
         """Return the candidates of the constant that would be visible next to a fit without it."""
         every, least = self.candidates(fitted.structure, fitted.data), self.least(fitted)
-        return [value for value in every if value > least or self.constant is None]
+        return [value for value in every if value > least]
 
     def is_seen_in(self, fitted: Fitted) -> bool:
         """Whether the constant of a fit is large enough to be visible, and its values possible."""
-        visible = self.constant is None or self.of(fitted.structure) > self.least(fitted)
-        return visible and self.is_possible(fitted)
+        return self.of(fitted.structure) > self.least(fitted) and self.is_possible(fitted)
 
     def is_in(self, fitted: Fitted) -> bool:
         """Whether a fit has the term, with fitted or given coefficients."""
@@ -287,9 +284,6 @@ def _promising(
 ) -> Iterator[tuple[float, Structure]]:
     """Yield structures with the most promising constants, each with its predicted share."""
     structure = wider.with_hold(before.structure.timing.hold)
-    if shape.constant is None:
-        yield _promised(before, structure), structure
-        return
     if (given := structure.fixed.get(shape.constant)) is not None:
         known = shape.put(structure, given)
         yield _promised(before, known), known
@@ -317,6 +311,6 @@ def _near(
 ) -> list[tuple[float, Structure]]:
     """Return predicted shares and structures for constants within the resolution."""
     resolution = shape.resolution(shape.put(structure, value).joint, before.data)
-    constants = (value + _AROUND * resolution).tolist()
+    constants = np.unique(value + _AROUND * resolution).tolist()
     near = [shape.put(structure, away) for away in constants if away > shape.least(before)]
     return side_by_side(lambda own: (_promised(before, own), own), near)
