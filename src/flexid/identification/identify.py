@@ -25,12 +25,11 @@ from flexid.identification.estimation.neglected_deflection import (
 )
 from flexid.identification.full_model.model import LINK
 from flexid.identification.judgement import (
-    coefficient_estimates,
+    Judge,
     constant_estimates,
     of_clamped_link,
     of_joint,
     of_link_alone,
-    parameter_estimates,
     widest,
     without_link,
     without_unused_link,
@@ -256,26 +255,10 @@ def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
         *contradictions(job.stated.given, reported, full, thresholds),
         *joined.contradicted,
     )
-    unknowns = reported.problem.unknowns
     sizes = row_sizes(fits.squares.rows)
-    coefficients = coefficient_estimates(
-        joined.estimate,
-        job.joint,
-        unknowns,
-        sizes,
-        without_estimate(reported.at_bound, job.stated.given),
-        job.input_unit,
-        thresholds,
-    )
-    parameters = parameter_estimates(
-        job.joint,
-        joined.estimate,
-        unknowns,
-        coefficients,
-        job.input_unit,
-        thresholds,
-        joined.exact,
-    )
+    judge = Judge(job.joint, reported.problem.unknowns, job.input_unit, thresholds)
+    fixed = without_estimate(reported.at_bound, job.stated.given)
+    coefficients, parameters = judge.judged(joined.estimate, fixed, sizes, joined.exact)
     coefficients = {name: c.because(*_main_causes(c, found)) for name, c in coefficients.items()}
     parameters = {name: p.because(*_main_causes(p, found)) for name, p in parameters.items()}
     constants = sought_constants(joined.estimate, reported.structure)
@@ -348,14 +331,9 @@ def _removed(
     estimate = fits.in_full
     if job.delay_in_doubt:
         estimate = estimate.widened(confused_covariance(estimate))
-    unknowns = full.problem.unknowns
     given = {**job.stated.given, **fits.reported.at_bound}
-    every = coefficient_estimates(
-        estimate, job.joint, unknowns, {}, without_estimate(full.at_bound, given), job.input_unit
-    )
-    found = parameter_estimates(
-        job.joint, estimate, unknowns, every, job.input_unit, job.thresholds
-    )
+    judge = Judge(job.joint, full.problem.unknowns, job.input_unit, job.thresholds)
+    _, found = judge.judged(estimate, without_estimate(full.at_bound, given))
     found = without_link(found) if job.link_is_clamped else found
     # Without asymmetry, friction by direction equals the reported mean. The parts of a sum are
     # reported themselves.
