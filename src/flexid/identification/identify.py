@@ -169,7 +169,7 @@ def _identified(job: Job, logs: Sequence[Log], dropped: Sequence[str]) -> Identi
         coefficients=numbers.coefficients,
         parameters=numbers.parameters,
         least_squares={n: v for n, v in fits.squares.by_name.items() if n in numbers.coefficients},
-        excitation={r.name: row_excitation(r, ()) for r in fits.squares.rows if r.coefficients},
+        excitation={r.name: row_excitation(r) for r in fits.squares.rows if r.coefficients},
         residual_excess=fits.residual_excess,
         model_error=fits.error,
         validation=validation,

@@ -51,7 +51,6 @@ from flexid.identification.structure.validation import validate
 from flexid.identification.vocabulary.evidence import (
     Disturbances,
     Estimate,
-    ModelError,
     Validation,
 )
 from flexid.identification.vocabulary.thresholds import Thresholds
@@ -315,14 +314,4 @@ def _fits(found: "Disturbed", job: Job) -> FinalFits:
     by_length = FitsByLength((), (), True, tuple(job.holds), _BY_DISTURBANCES)
     choice = Choice(full.structure, fitted.structure, fitted, found.terms, (), by_length)
     rate = suited_rate(fitted, job.settings.filter_rate)
-    nothing = ModelError(0.0, 0.0, 0.0)
-    return FinalFits(
-        choice,
-        job.recordings,
-        fitted,
-        (fitted,),
-        nothing,
-        frozenset(),
-        full,
-        rate,
-    )
+    return FinalFits(choice, job.recordings, fitted, full, rate)

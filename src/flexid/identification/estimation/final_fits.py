@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -59,12 +59,14 @@ class FinalFits:
     choice: Choice  # chosen structure, with the evidence
     recordings: SplitRecordings  # the data
     reported: Fitted  # fit of the chosen structure
-    # fits of it over segments of growing length, some longer than those of `reported`
-    lengths_fitted: Sequence[Fitted]
-    error: ModelError  # model error that the residuals show
-    driving: frozenset[str]  # frictions that came out negative beyond noise
     full: Fitted  # fit with all usual terms, for intervals of removed ones
     filter_rate: float  # of the filtered least squares, in 1/s
+    # without disturbances:
+    # fits over segments of growing length, some longer than those of `reported`
+    lengths_fitted: Sequence[Fitted] = ()
+    # model error that the residuals show
+    error: ModelError = field(default_factory=lambda: ModelError(0.0, 0.0, 0.0))
+    driving: frozenset[str] = frozenset()  # frictions that came out negative beyond noise
 
     @cached_property
     def in_full(self) -> Estimate:
@@ -170,7 +172,7 @@ def final_fits(
     rate = suited_rate(reported, filter_rate)
     full = _full(choice, reported)
     driving = driving_frictions(reported, thresholds)
-    return FinalFits(choice, recordings, reported, lengths_fitted, error, driving, full, rate)
+    return FinalFits(choice, recordings, reported, full, rate, lengths_fitted, error, driving)
 
 
 def with_doubts(fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds) -> Estimate:

@@ -180,7 +180,7 @@ def explained_by(
         if found is None or fitted.excess - found.excess < wanted:
             return None
         # With integration steps for the new values the motion may diverge.
-        found = fit_from(found, found.structure, data=fitted.data, steps=EXPLORING)
+        found = fit_from(found, found.structure, steps=EXPLORING)
         if found is None or not accepted(found):
             return None
         structure, start = found.structure, found.by_name
