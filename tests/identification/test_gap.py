@@ -20,9 +20,7 @@ from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.structure.gap import as_wide_as_its_gap, half_gap, with_free_width
-from flexid.identification.vocabulary import silent
 from flexid.identification.vocabulary.evidence import Estimate
-from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import BACKLASH_WIDTH, PAPER_TERMS
 
 HALF_GAP = 4e-4  # rad
@@ -238,7 +236,7 @@ def test_a_start_with_play_must_promise_more_than_none(monkeypatch, count, promi
     monkeypatch.setattr(gap, "_starts", lambda *_: starts)
     monkeypatch.setattr(gap, "fit_by_length", fit_by_length)
     by_length = FitsByLength((without,), cast(Any, (range(count),)), True, ("cubic",), "")
-    assert gap.fit_with_play(by_length, (without,), silent, THRESHOLDS) is None
+    assert gap.fit_with_play(by_length, (without,)) is None
     assert asked == [promised]
 
 

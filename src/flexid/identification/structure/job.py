@@ -125,7 +125,7 @@ class Job:
         own, rest = (self.structure, self.training), (self.progress, self.thresholds)
         by_length = fit_full_model(*own, self.holds, durations, *rest, exact=self.exact)
         asked = (shape for shape in SOUGHT if not shape.coefficients.isdisjoint(self.kept))
-        return fit_requested_shapes(asked, by_length, *rest)
+        return fit_requested_shapes(asked, by_length)
 
     @cached_property
     def structure(self) -> Structure:
@@ -270,7 +270,7 @@ def _predicting(job: Job) -> tuple[Choice, Validation]:
 
 def _chosen(job: Job, by_length: FitsByLength, *, with_shapes: bool) -> tuple[Choice, Validation]:
     """Return the structure of a full model that the log shows, or a better rival, and its fit."""
-    choice = choose_structure(by_length, job.kept, with_shapes, job.progress, job.thresholds)
+    choice = choose_structure(by_length, job.kept, with_shapes=with_shapes)
     job.progress("predicting the held-out data")
     return _preferred(choice, job)
 
@@ -300,8 +300,7 @@ def _with_shape(
     shape: SoughtShape, by_length: FitsByLength, before: Fitted, job: Job, chosen: Choice
 ) -> FitsByLength | None:
     """Return fits with a shape whose constant is sought; None if play is the leaner explanation."""
-    rest = chosen.by_length.found, job.progress, job.thresholds, job.kept
-    found = fit_with_shape(shape, by_length, before, *rest)
+    found = fit_with_shape(shape, by_length, before, chosen.by_length.found, job.kept)
     return None if found is None or is_slack(found.found[-1]) else found
 
 
@@ -316,7 +315,7 @@ def _with_play(by_length: FitsByLength, chosen: Choice, job: Job) -> FitsByLengt
     """Return fits with play; None if the choice so far explains the log, or play does not help."""
     if chosen.fitted.excess <= job.thresholds.sensor_excess:
         return None
-    return fit_with_play(by_length, chosen.by_length.found, job.progress, job.thresholds)
+    return fit_with_play(by_length, chosen.by_length.found)
 
 
 def _preferred(choice: Choice, job: Job) -> tuple[Choice, Validation]:
