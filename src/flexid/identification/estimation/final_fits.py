@@ -1,7 +1,6 @@
 """Final fits to all data, and the covariance that their doubts add."""
 
 from collections.abc import Collection, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -28,9 +27,7 @@ from flexid.identification.estimation.model_error import (
 )
 from flexid.identification.full_model.fits_by_length import hold_covariance
 from flexid.identification.full_model.fitting import (
-    EXPLORING,
     expanded,
-    fit_from,
     fit_like,
     fit_to,
     lengths,
@@ -39,9 +36,9 @@ from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
 from flexid.identification.full_model.starting import first_fits, least_squares_start, suited_rate
 from flexid.identification.preparation.recordings import Alignment, Delay, SplitRecordings, aligned
 from flexid.identification.structure.choice import Choice
-from flexid.identification.structure.gap import CHANCE, settled, with_free_width
+from flexid.identification.structure.gap import settled, with_free_width
 from flexid.identification.structure.link_delay import confused_covariance
-from flexid.identification.structure.sought_terms import reflected, with_other_laws
+from flexid.identification.structure.sought_terms import reflected
 from flexid.identification.vocabulary.evidence import Estimate, ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE, coefficients_of
@@ -160,11 +157,6 @@ def final_fits(
     """
     whole = replace(whole, refinement=choice.fitted.data.refinement)
     reported, lengths_fitted = _reported(choice, whole, insist=insist)
-    if (likelier := _with_another_law(reported)) is not None:
-        with suppress(ConvergenceError):
-            other = replace(choice, structure=likelier.structure, fitted=likelier)
-            reported, lengths_fitted = _reported(other, whole, insist=False)
-            choice = replace(choice, structure=likelier.structure)
     joint = reported.structure.joint  # with the constants of shapes fitted to all data
     structure = replace(choice.structure, joint=joint)
     choice = replace(choice, structure=structure, full=replace(choice.full, joint=joint))
@@ -200,17 +192,6 @@ def _reported(choice: Choice, whole: Data, *, insist: bool) -> tuple[Fitted, lis
         fitted, lengths_fitted = fit_to(structure, whole, begun.by_name, duration)
     last = settled(fitted)
     return last, [last if one is fitted else one for one in lengths_fitted]
-
-
-def _with_another_law(reported: Fitted) -> Fitted | None:
-    """Return the fit with another law of a term if it is clearly likelier, or None."""
-    # The search compares laws with coarse integration steps, whose error hides small differences.
-    least = reported.minimum.equations.cost - CHANCE * max(reported.excess, 1.0)
-    for structure in with_other_laws(reported.structure):
-        other = fit_like(structure, reported) or fit_from(reported, structure, steps=EXPLORING)
-        if other is not None and other.minimum.equations.cost < least:
-            return other
-    return None
 
 
 def _full(choice: Choice, reported: Fitted) -> Fitted:

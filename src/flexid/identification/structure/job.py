@@ -282,8 +282,6 @@ def _further_searches(
     by_length = choice.by_length
     full = by_length.found[-1]
     before = turning(by_length.found, job.thresholds)
-    if before is None and by_length.has_longer(full):  # which has failed, for want of a term
-        before = full
     late = []
     if before is not None and before.unexplained_over(TURNING) <= job.thresholds.shape_motion:
         for shape in (shape for shape in (HYSTERETIC, *SOUGHT) if not shape.is_in(full)):
