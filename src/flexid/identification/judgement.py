@@ -152,6 +152,7 @@ class Judge:
     unknowns: Unknowns
     input_unit: str
     thresholds: Thresholds = THRESHOLDS
+    link_is_clamped: bool = False
 
     def judged(
         self,
@@ -162,7 +163,13 @@ class Judge:
     ) -> tuple[dict[str, ValueEstimate], dict[str, ValueEstimate]]:
         """Return all coefficients and parameters; known ones have an interval of zero width."""
         coefficients = self._coefficients(estimate, fixed, sizes or {})
-        return coefficients, self._parameters(estimate, coefficients, exact or {})
+        parameters = self._parameters(estimate, coefficients, exact or {})
+        if self.link_is_clamped:  # as if its inertia was infinite
+            hidden = {name: c for name, c in coefficients.items() if balance_of(name) == "link"}
+            coefficients |= {n: _exactly(n, c.unit, 0.0, "given") for n, c in hidden.items()}
+            seen = parameters.items()
+            parameters = {name: p for name, p in seen if hidden.keys().isdisjoint(p.slopes)}
+        return coefficients, parameters
 
     def _coefficients(
         self,
@@ -300,22 +307,6 @@ def constant_estimates(
         # A constant with infinite deviation was held fixed, not fitted.
         estimates[name] = found if np.isfinite(std) else replace(found, slopes={})
     return estimates
-
-
-def without_link(parameters: Mapping[str, ValueEstimate]) -> dict[str, ValueEstimate]:
-    """Return the parameters that depend on no coefficient of the link, which a clamp hides."""
-    return {
-        name: parameter
-        for name, parameter in parameters.items()
-        if all(balance_of(coefficient) != "link" for coefficient in parameter.slopes)
-    }
-
-
-def of_clamped_link(coefficient: ValueEstimate) -> ValueEstimate:
-    """Return the link's coefficient as exactly zero, as of an infinite inertia; others as is."""
-    if balance_of(coefficient.name) != "link":
-        return coefficient
-    return _exactly(coefficient.name, coefficient.unit, 0.0, "given")
 
 
 def without_unused_link(estimate: Estimate, values: Iterable[ValueEstimate]) -> Estimate:

@@ -93,7 +93,7 @@ class Answer:
     # reasons why coefficients are unknown in spite of their intervals
     doubts: tuple[Caution, ...] = ()
     # the unknown coefficients, of one balance or both
-    doubted: frozenset[str] = POSITIVE
+    doubted: frozenset[str] = frozenset()
     prediction: str = ""  # text on how well the spring predicts the deflection
     retreat: tuple[str, ...] = ()  # warning if the values do not come from all data
 
@@ -193,7 +193,7 @@ def _final_exact(job: Job, exact: Answer) -> Answer | None:
         return None
     doubts = delay_doubts(job, job.whole, entirely=True)
     if doubts:
-        return replace(exact, doubts=doubts, prediction=_BY_DELAY)
+        return replace(exact, doubts=doubts, doubted=POSITIVE, prediction=_BY_DELAY)
     return None if _is_short(exact, job) else exact
 
 
