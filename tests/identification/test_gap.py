@@ -145,7 +145,7 @@ def test_without_play_there_is_no_contact():
         (removed, 0.0),
         (gap.as_wide(removed, HALF_GAP), 0.0),
     ):
-        constants = structure.joint.extended.constants
+        constants = structure.joint.systems[1].constants
         assert (constants["contact_deflection"], constants["spring_centre"]) == (contact, 0.1)
 
 
@@ -170,7 +170,7 @@ def test_half_the_way_may_lead_on(monkeypatch):
     tried = []
 
     def nowhere(_fitted, structure, *, steps):
-        tried.append(structure.joint.extended.constants[BACKLASH_WIDTH])
+        tried.append(structure.joint.systems[1].constants[BACKLASH_WIDTH])
 
     monkeypatch.setattr(gap, "fit_from", nowhere)
     assert as_wide_as_its_gap(first) is first

@@ -188,7 +188,7 @@ def as_wide(structure: Structure, width: float, centre: float | None = None) -> 
 
 def width_of(structure: Structure) -> float:
     """Return the width of play's shape in rad; zero if the joint has no such term."""
-    return structure.joint.extended.constants.get(BACKLASH_WIDTH, 0.0)
+    return structure.joint.constants.get(BACKLASH_WIDTH, 0.0)
 
 
 def about_its_centre(structure: Structure, data: Data) -> Structure:
@@ -208,7 +208,7 @@ def about_its_centre(structure: Structure, data: Data) -> Structure:
 
 def _centre_of(structure: Structure) -> float:
     """Return the deflection in rad in the middle of the play; zero if encoders share a zero."""
-    return structure.joint.extended.constants.get(SPRING_CENTRE, 0.0)
+    return structure.joint.constants.get(SPRING_CENTRE, 0.0)
 
 
 def _off_centre(fitted: Fitted) -> float:

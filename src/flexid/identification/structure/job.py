@@ -206,7 +206,7 @@ def job_of(
 def _link_coefficients(joint: Joint) -> frozenset[str]:
     """Return the coefficients of terms in the link's row, which a clamped link does not show."""
     # The spring's damping is among them. With a clamped link it acts like the motor's friction.
-    link = joint.remembering.rows[0].regressors.keys()
+    link = joint.systems[2].rows[0].regressors.keys()
     return frozenset(c for names in joint.terms.values() if link & {*names} for c in names)
 
 
