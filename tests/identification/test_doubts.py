@@ -55,21 +55,12 @@ def shares(directions: np.ndarray, found: doubts.Doubted) -> dict[str, float]:
     return {name: share for name, share in zip(NAMES, moved.tolist(), strict=True) if share}
 
 
-CHANGE = np.array([0.0, 0.0, -9.0, 0.0, 0.0, 0.0])  # 3 % of alpha1 by 1 % of the scale
 NOISE = np.array([0.0, 0.0, -30.0, 0.0, -0.3, 0.0])
-TWICE = np.outer([1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.15, 0.2])
 EARLY = {"is_voltage": True, "delay": -DELAY}
 SIDES = {**dict.fromkeys(LINK, 0.1), **dict.fromkeys(MOTOR, 0.2)}
 CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     (doubts.calibration, {}, dict.fromkeys(NAMES, 0.002)),
     (doubts.further_modes, {}, dict.fromkeys(LINK, 0.003)),
-    (doubts.cable, {"by_cable": TWICE}, {"theta1": 0.05}),
-    (doubts.cable, {}, {}),
-    (doubts.eccentric_encoders, {"by_eccentricity": TWICE}, {"theta1": 0.05}),
-    (doubts.eccentric_encoders, {}, {}),
-    # The uncertainty of a spring is at least that of the deflection sensor's scale.
-    (doubts.gauge_scale, {"by_gauge": CHANGE}, {"theta2": 0.02, "alpha1": 3.0 * 0.02}),
-    (doubts.gauge_scale, {}, {}),
     # Different scales of the encoders act like gravity.
     (doubts.scales_apart, {"apart": 0.02}, {**dict.fromkeys(NAMES, 0.02), "theta1": 0.02 * 21.0}),
     (doubts.scales_apart, {}, {}),
@@ -83,12 +74,7 @@ CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     (doubts.play, {"by_play": 0.3}, dict.fromkeys(SPRINGS, 0.3 / ROOT)),
     (doubts.play, {}, {}),
     (doubts.another_law, {}, {}),
-    # Uniform between none of it and all.
-    (doubts.late_link, {"by_damping": CHANGE}, {"alpha1": 0.03 / ROOT}),
-    (doubts.late_link, {}, {}),
     (doubts.gear_efficiency, {}, {}),
-    (doubts.noise_of_the_input, {"by_noise": NOISE}, {"alpha1": 0.1, "beta1": 0.1}),
-    (doubts.noise_of_the_input, {}, {}),
     # The doubt is larger for a term with a smaller part in its balance, and largest for friction.
     (
         doubts.looks_like_a_term,

@@ -111,6 +111,6 @@ def test_what_an_input_alone_gives_a_meaning_to_is_refused():
     with pytest.raises(RecordingError, match=r"made 6.*is missing, and in made 5 in N m"):
         identify([log(made(5)), motion(6)])
     joint = link()
-    assert joint.system.inputs == ("x3", "x4")
+    assert joint.systems[0].inputs == ("x3", "x4")
     assert INPUT not in joint.units
     assert not any(name.startswith("alpha") for name in joint.units)

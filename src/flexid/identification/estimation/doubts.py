@@ -65,21 +65,12 @@ class Doubted:
     sizes: dict[str, float]  # effect of one unit of each coefficient over its row's acceleration
     shares: dict[str, float]  # unexplained over whole acceleration of each balance
     is_voltage: bool  # whether the input is a voltage, or was computed from one
-    # (k,): change of the values if the deflection sensor reads 1 % more; None without such a sensor
-    by_gauge: FloatArray | None = None
-    # (k, 2): change of gravity by a cable that the log allows
-    by_cable: FloatArray | None = None
-    # (k, 3): change of the values by encoder errors once per turn that the log allows
-    by_eccentricity: FloatArray | None = None
-    # (k,): change of the values if the joint has damping instead of a late link encoder
-    by_damping: FloatArray | None = None
-    by_noise: FloatArray | None = None  # (k,): error of the values by noise of the input
     by_play: float = 0.0  # relative increase of the stiffness if the spring has play
 
     @property
     def none(self) -> FloatArray:
         """Directions for no error, shape (k, 0)."""
-        return np.zeros((len(self.fitted.names), 0))
+        return no_errors(self.fitted)
 
     def diagonal(self, of: Callable[[str, float], float]) -> FloatArray:
         """Return directions of independent errors, each from a name and a value."""
@@ -90,6 +81,11 @@ class Doubted:
     def common(self, factor: float, balance: str) -> FloatArray:
         """Return the direction that scales all coefficients of a balance."""
         return factor * _of_balance(self.fitted, balance)[:, None]
+
+
+def no_errors(fitted: Fitted) -> FloatArray:
+    """Return directions for no error of a fit's values, shape (k, 0)."""
+    return np.zeros((len(fitted.names), 0))
 
 
 Doubt = Callable[[Doubted], FloatArray]
@@ -103,18 +99,6 @@ def calibration(doubted: Doubted) -> FloatArray:
 def further_modes(doubted: Doubted) -> FloatArray:
     """Return errors of the link by its next bending mode, which increases its inertia."""
     return doubted.common(_FURTHER_MODES, "link")
-
-
-def cable(doubted: Doubted) -> FloatArray:
-    """Return errors of gravity by a cable that pulls the link back."""
-    return doubted.none if doubted.by_cable is None else doubted.by_cable
-
-
-def eccentric_encoders(doubted: Doubted) -> FloatArray:
-    """Return errors by encoder errors once per turn, which look like gravity through the spring."""
-    if doubted.by_eccentricity is None:
-        return doubted.none
-    return doubted.by_eccentricity
 
 
 def scales_apart(doubted: Doubted) -> FloatArray:
@@ -141,20 +125,6 @@ def _either_scale(doubted: Doubted) -> FloatArray:
     share = values[error] / values[spring] / np.sqrt(3.0) if error in values else 0.0
     own = doubted.diagonal(lambda name, value: share * value * (name == spring))
     return np.hstack([doubted.common(share, "motor"), own])
-
-
-def gauge_scale(doubted: Doubted) -> FloatArray:
-    """Return errors by the scale of a deflection sensor, which nothing else in the log shows.
-
-    The error of a spring is at least that of the scale.
-    """
-    if doubted.by_gauge is None:
-        return doubted.none
-    springs = np.array([name in declared.SPRING for name in doubted.fitted.names])
-    least = np.where(springs, np.abs(doubted.fitted.values), 0.0)
-    change = 100.0 * doubted.by_gauge
-    grown = np.where(np.signbit(change), -1.0, 1.0) * np.maximum(np.abs(change), least)
-    return GAUGE * grown[:, None]
 
 
 def coil_lag(doubted: Doubted) -> FloatArray:
@@ -243,18 +213,6 @@ def term_law(doubted: Doubted) -> FloatArray:
     return by_other_laws(doubted.fitted) / np.sqrt(3.0)
 
 
-def late_link(doubted: Doubted) -> FloatArray:
-    """Return errors if the delay of the link's encoder is in part a damping of the joint."""
-    if doubted.by_damping is None:
-        return doubted.none
-    return doubted.by_damping[:, None] / np.sqrt(3.0)  # uniform between none and all of it
-
-
-def noise_of_the_input(doubted: Doubted) -> FloatArray:
-    """Return errors by noise of the input's sensor, or since it was taken for such noise."""
-    return doubted.none if doubted.by_noise is None else doubted.by_noise[:, None]
-
-
 def looks_like_a_term(doubted: Doubted) -> FloatArray:
     """Return errors if a balance's unexplained acceleration looks in part like one of its terms."""
 
@@ -291,23 +249,18 @@ OF_A_LAW = "friction or damping may follow another law"
 DOUBTS: Mapping[Doubt, str] = {
     calibration: "",
     further_modes: "the link may bend",
-    cable: "a cable may act like gravity",
-    eccentric_encoders: "encoder errors once per turn may look like it",
     gear_efficiency: "the gear may lose more torque in one direction",
     scales_apart: "the scales of the encoders contradict each other",
-    gauge_scale: "nothing confirms the scale of the deflection's sensor",
     coil_lag: "the delay of the input may be a lag of the coil",
     lag: "the delay of the input may be a lag",
     dead_zone: "the amplifier may have a dead zone",
     play: LIKE_PLAY,
     another_law: "its hysteresis may follow another law",
     term_law: OF_A_LAW,
-    late_link: "damping of the joint may look like a late link encoder",
-    noise_of_the_input: "the input's noise may come from its sensor",
     looks_like_a_term: LIKE_A_TERM,
     looks_like_the_acceleration: HEAVIER,
 }
-"""Doubts of a fit with disturbances, each with its text as the main cause of an interval."""
+"""Doubts of any fit with disturbances, each with its text as the main cause of an interval."""
 
 OF_AN_EXACT_FIT: tuple[Doubt, ...] = (scales_apart, gear_efficiency, lag, term_law)
 """Doubts of an exact fit: gravity may hide a scale error, a delay a lag, a law another one."""

@@ -266,7 +266,7 @@ def deflections(structure: Structure, data: Data) -> list[float]:
     mean, usual = _deflection(structure.joint, data)
     if not usual > 0.0:
         return []
-    mean -= structure.joint.extended.constants[SPRING_CENTRE]
+    mean -= structure.joint.constants[SPRING_CENTRE]
     tried = {abs(mean) + sign * share * usual for share in _DEFLECTIONS for sign in (-1.0, 1.0)}
     return sorted(deflection for deflection in tried if deflection >= _LEAST_DEFLECTION * usual)
 
