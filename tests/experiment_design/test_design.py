@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
+import flexid as flexid_library
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
@@ -198,7 +200,7 @@ def _one_start(monkeypatch):
 
 @pytest.mark.usefixtures("_one_start")
 def test_command_writes_what_it_promises(flexid, tiny_drive, tmp_path):
-    """Assert that the command prints within the page and writes files, which depend on the seed."""
+    """Assert files of the command, which depend on the seed, and the library's same design."""
     outcome = flexid("design", tiny_drive, "--out", tmp_path)
     assert outcome.status == 0, outcome.stderr
     assert max(map(len, outcome.stdout.splitlines())) <= 80
@@ -208,6 +210,14 @@ def test_command_writes_what_it_promises(flexid, tiny_drive, tmp_path):
     assert document["provenance"]["inputs"][0]["file"] == "drive.toml"
     header = (tmp_path / "command.csv").read_text().splitlines()[0]
     assert header == "time [s],motor_torque [N m]"
+    steps: list[str] = []
+    found = flexid_library.design(tiny_drive, progress=steps.append)
+    assert found.document == document
+    assert steps
+    assert isinstance(found.plot(), Figure)
+    assert found._page().title == "The designed torque"
+    assert max(found.deviations.values()) == found.result.prediction.worst
+    assert repr(found).startswith("<ExperimentDesign: 2 s, worst coefficient")
     other = flexid("design", tiny_drive, "--json", "--seed", 4).stdout
     assert json.loads(other)["tones"] != document["tones"]
 

@@ -18,22 +18,15 @@ from flexid.errors import RecordingError, SettingError
 from flexid.streaming import incoming
 
 ROOT = Path(__file__).parents[2]
-CAMPAIGN = """
-[campaign]
-kind = "grid"
-
-[campaign.vary]
-controller.proportional = [40.0, 50.0]
-"""
 
 
 @pytest.fixture(scope="module")
 def experiment(tmp_path_factory):
-    """Return a tenth of a second of a closed loop, and a campaign of two such runs."""
+    """Return a tenth of a second of a closed loop."""
     path = tmp_path_factory.mktemp("experiment") / "tiny.toml"
     text = (ROOT / "experiments" / "sampled_joint.toml").read_text()
     assert "duration = 30.0" in text
-    path.write_text(text.replace("duration = 30.0", "duration = 0.1") + CAMPAIGN)
+    path.write_text(text.replace("duration = 30.0", "duration = 0.1"))
     return path
 
 
@@ -51,37 +44,6 @@ def test_a_run(experiment, flexid, tmp_path):
     assert titles == [f"{run.experiment.name}: motion", f"{run.experiment.name}: estimates"]
     assert "<img" in run._repr_html_()
     assert "0.1 s" in repr(run)
-
-
-def test_a_campaign(experiment, tmp_path):
-    """Assert that every run is counted, also if the campaign is summarised later."""
-    reached = []
-    found = library.campaign(
-        experiment, out=tmp_path / "rows", workers=1, progress=lambda *n: reached.append(n)
-    )
-    assert reached[-1] == (2, 2)
-    assert found.complete
-    assert found.statuses == {"finished": 2}
-    again = library.campaign(summary=tmp_path / "rows")
-    assert again.document == found.document
-    assert again.summary() == found.summary()
-    found.save_figures(tmp_path / "figures")
-    assert "2 of 2 runs" in repr(found)
-
-
-def test_a_design(tiny_drive, flexid, tmp_path, monkeypatch):
-    """Assert that the design equals the command's, as a document, a figure and a page."""
-    monkeypatch.setattr("flexid.experiment_design.design.STARTS", 1)
-    steps = []
-    design = library.design(tiny_drive, progress=steps.append)
-    printed = flexid("design", tiny_drive, "--json")
-    design.save(tmp_path / "design.json")
-    assert json.loads((tmp_path / "design.json").read_text()) == json.loads(printed.stdout)
-    assert steps
-    assert isinstance(design.plot(), Figure)
-    assert design._page().title == "The designed torque"
-    assert max(design.deviations.values()) == design.result.prediction.worst
-    assert repr(design).startswith("<ExperimentDesign: 2 s, worst coefficient")
 
 
 def test_a_derivation_and_a_reproduction(reproduction, flexid):
