@@ -34,17 +34,11 @@ def start(*arguments, code=RUN, **keywords) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("verdict", "options", "status"),
-    [
-        ("determined", (), 0),
-        ("determined", ("--strict",), 0),
-        ("weak", (), 0),
-        ("weak", ("--strict",), 1),
-        ("undetermined", (), 1),
-    ],
+    ("verdict", "is_strict", "status"),
+    [("determined", True, 0), ("weak", False, 0), ("weak", True, 1), ("undetermined", False, 1)],
 )
 def test_the_worst_verdict_decides(
-    flexid, monkeypatch, examples, example_estimate, verdict, options, status
+    flexid, monkeypatch, examples, example_estimate, verdict, is_strict, status
 ):
     """Assert that a weak parameter counts with --strict only, and an undetermined one always."""
     from flexid.identification import identify as module
@@ -53,6 +47,7 @@ def test_the_worst_verdict_decides(
     stiffness = replace(found.parameters["joint_stiffness"], verdict=verdict)
     judged = replace(found, parameters={**found.parameters, "joint_stiffness": stiffness})
     monkeypatch.setattr(module, "identify", lambda *_: judged)
+    options = ("--strict",) if is_strict else ()
     assert flexid("identify", examples / "flexible_joint.csv", *options).status == status
 
 
