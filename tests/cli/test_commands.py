@@ -11,10 +11,7 @@ import pytest
 from tests.campaigns.tiny import EXPERIMENT, write_experiment
 
 import flexid as library
-import flexid as package
-from flexid import load
 from flexid.arrays import to_json
-from flexid.experiments.experiment import read_experiment
 from flexid.stored_estimates.estimate_file import estimate_document
 from made_estimates import STIFFER, TRUE, exact, with_parameter
 
@@ -52,25 +49,6 @@ def test_example_recovers_the_truth(flexid, examples, tmp_path):
     friction = document["removed"]["motor_coulomb_friction"]["interval"]
     assert max(map(abs, friction)) < 1e-3
     assert document["warnings"] == []
-
-
-def test_motion_alone_gives_the_link(flexid, examples, tmp_path):
-    """Assert that a log without a torque gives table, document and figures of the link."""
-    log, path = examples / "flexible_joint.csv", tmp_path / "motion.csv"
-    pl.read_csv(log).drop("motor_torque [N m]").write_csv(path)
-    outcome = flexid("identify", path, "--out", tmp_path / "out", "--explain")
-    assert outcome.status == 0, outcome.stderr
-    assert "the link alone, since the log has no input" in " ".join(outcome.stdout.split())
-    document = json.loads((tmp_path / "out" / "estimate.json").read_text())
-    assert document["model"] == "link"
-    assert set(document["coefficients"]) == {"theta1", "theta2"}
-    for name in ("theta1", "theta2"):
-        lower, upper = document["coefficients"][name]["interval"]
-        assert lower <= TRUE[name] <= upper
-    assert {"fit.png", "bode.png"} <= {file.name for file in (tmp_path / "out").iterdir()}
-    assert load(tmp_path / "out" / "estimate.json").model == "link"
-    assert flexid("validate", tmp_path / "out" / "estimate.json", log).status == 0
-    assert flexid("excitation", path).status == 0
 
 
 def stored(folder: Path, estimate) -> Path:
@@ -153,7 +131,7 @@ SHORT = ("--set", "run.duration=1")
 
 
 def test_a_run_is_written_whole_or_not_at_all(flexid: Callable, tmp_path: Path):
-    """Assert no files and a time if a loop diverges, and else series, summary and figures."""
+    """Assert no files and a time if a loop diverges, and else those of the library's run."""
     out = tmp_path / "run"
     steps = ("--set", "run.maximum_steps=100")
     outcome = flexid("simulate", TABLE1, "--out", out, *steps)
@@ -174,14 +152,22 @@ def test_a_run_is_written_whole_or_not_at_all(flexid: Callable, tmp_path: Path):
     series = pl.read_parquet(out / "run.parquet")
     assert series.equals(pl.read_csv(out / "run.csv"))
     summary = json.loads(outcome.stdout)
-    experiment = read_experiment(TABLE1).with_values({"run.duration": 1.0, "controller.k": 40.0})
-    run = experiment.run()
+    found = library.simulate(TABLE1, set={"run.duration": 1, "controller.k": 40})
+    experiment, run = found.experiment, found.result
+    assert found.document == summary
+    assert len(found.to_dataframe()) == len(run.time)
+    drive = library.simulate(FOLDER / "sampled_joint.toml", set={"run.duration": 0.1})
+    assert drive.log().recordings[0].input_unit == "N m"
+    titles = [found.plot(name).get_suptitle() for name in ("motion", "estimates")]
+    assert titles == [f"{experiment.name}: motion", f"{experiment.name}: estimates"]
+    assert "<img" in found._repr_html_()
+    assert "1 s" in repr(found)
     assert np.array_equal(series["theta2_error [1/s^2]"], run.parameter_errors[:, 1])
     assert np.array_equal(series["link_position [rad]"], run.states[:, 0])
     assert summary["coefficients"]["theta2"]["final"] == series["theta2_estimate [1/s^2]"][-1]
     assert summary["statistics"] == run.statistics
     assert summary["provenance"]["experiment_digest"] == experiment.digest
-    assert summary["provenance"]["flexid_version"] == package.__version__
+    assert summary["provenance"]["flexid_version"] == library.__version__
     assert summary["provenance"]["tables"]["controller"]["k"] == 40.0
 
 

@@ -190,7 +190,7 @@ def test_nonsense_is_refused(estimate, refusals):
     refusals({str(one): partial(estimate.frequency_response, **one) for one in options})
 
 
-def test_link_and_rigid_joint_have_one_as_well(log):
+def test_link_and_rigid_joint_have_one_as_well(log, tmp_path):
     """Assert link over motor without a torque, and the rigid joint's response for one encoder."""
     del_torque = {name: values for name, values in log.items() if "torque" not in name}
     link = flexid.identify(del_torque, terms=("gravity", "joint_damping"), segment_duration=1.0)
@@ -211,3 +211,8 @@ def test_link_and_rigid_joint_have_one_as_well(log):
         chart = bode_chart(one.frequency_response())
         assert chart.columns == columns
         assert draw(chart).axes
+        one.report(tmp_path / "report.html")
+        one.save(tmp_path / "estimate.json")
+        loaded = flexid.load(tmp_path / "estimate.json")
+        assert loaded.validate(log).fit_percent
+        assert loaded.model == one.model
