@@ -99,30 +99,15 @@ def held(columns: Columns, every: int) -> Columns:
     return columns | {name: columns[name][last] for name in ENCODERS}
 
 
-def moved_once(time: FloatArray) -> FloatArray:
-    """Return a joint that rests, and moves within 0.25 s."""
-    return 0.3 * np.sin(0.5 * np.pi * np.clip(4.0 * time - 20.0, 0.0, 1.0)) ** 2
-
-
 def stepped(size: float, every: float) -> Callable[[FloatArray], FloatArray]:
     """Return a slow motion with steps within one sample, as dry friction causes them."""
     return lambda time: 0.3 * np.sin(0.5 * time) + size * np.floor(time / every)
-
-
-def slips(time: FloatArray) -> FloatArray:
-    """Return a motion that sticks, and slips by 0.1 rad within three samples, again and again."""
-    return 0.1 * np.floor(time) + 0.1 * np.clip((time % 1.0) / (3.0 * STEP), 0.0, 1.0)
 
 
 def kicked(time: FloatArray) -> FloatArray:
     """Return a joint that rests, and is struck so that it swings with 30 Hz."""
     after = np.maximum(time - 3.0013, 0.0)
     return 0.05 * np.exp(-3.0 * after) * np.sin(190.0 * after)
-
-
-def released(time: FloatArray) -> FloatArray:
-    """Return a joint that is released from a clamp, and decays."""
-    return 0.3 * np.cos(25.0 * np.maximum(time - 2.0, 0.0)) * np.exp(-np.maximum(time - 2.0, 0.0))
 
 
 def jumping(found: Columns, fastest: str, jumps: str, by: float) -> Columns:
@@ -148,10 +133,15 @@ LOGS: dict[str, Columns] = {
     **{f"a slip of {name}": jumping(joined(0.0), name, name, 0.3) for name in ENCODERS},
     "a whole log": joined(0.0),
     "coarse encoders": shifted(lambda t: 0.4 * np.sin(2.0 * t), 9),
-    "stick and slip": shifted(slips),
+    # It slips by 0.1 rad within three samples, again and again.
+    "stick and slip": shifted(
+        lambda t: 0.1 * np.floor(t) + 0.1 * np.clip((t % 1.0) / (3.0 * STEP), 0.0, 1.0)
+    ),
     "a struck joint": shifted(kicked),
     "a struck joint with coarse encoders": shifted(kicked, 12),
-    "a free decay": shifted(released),
+    "a free decay": shifted(
+        lambda t: 0.3 * np.cos(25.0 * np.maximum(t - 2.0, 0.0)) * np.exp(-np.maximum(t - 2.0, 0.0))
+    ),
     "a sudden stop": shifted(lambda t: np.minimum(2.0 * t, 3.0 + 0.01 * np.sin(t))),
     "turns": shifted(lambda t: np.mod(1.5 * t + 1.0, 2.0 * np.pi)),
     "steps again and again": shifted(stepped(0.1, 1.0)),
@@ -161,7 +151,9 @@ LOGS: dict[str, Columns] = {
     **{f"{count} lost samples": without_samples(count) for count in (1, 3)},
     **{f"{count} samples displaced": displaced(count) for count in (1, 2, 5)},
     **{f"readings in every {every}th sample": held(joined(0.0), every) for every in (5, 40)},
-    "a move that is read slowly": held(shifted(moved_once), 12),
+    "a move within 0.25 s that is read slowly": held(
+        shifted(lambda t: 0.3 * np.sin(0.5 * np.pi * np.clip(4.0 * t - 20.0, 0.0, 1.0)) ** 2), 12
+    ),
 }
 
 

@@ -66,11 +66,6 @@ def scaled(line: str) -> str:
     return f"{1e6 * float(time):.0f},{others}"
 
 
-def whole(line: str) -> str:
-    """Return a row of whole numbers with thousands separators."""
-    return ";".join(f"{round(1e4 * float(cell)):,}" for cell in line.split(","))
-
-
 def below(line: str) -> joint_log.Change:
     """Add a line below the header."""
     return lambda text: text.replace("\n", f"\n{line}\n", 1)
@@ -163,7 +158,9 @@ REFUSED: dict[str, joint_log.Change] = {
     "blanks between thousands": grouped(" "),
     "commas between thousands": grouped(","),
     "points between thousands": grouped(".", ","),
-    "whole thousands": lambda text: rows(whole)(text).replace(",", ";", 3),
+    "whole thousands": lambda text: cells(lambda cell: f"{round(1e4 * float(cell)):,}", ";")(
+        text
+    ).replace(",", ";", 3),
     "hexadecimal": cells(lambda cell: hex(int(1e4 * float(cell)))),
     "words for numbers": LAST_AS_WORD,
     "parentheses": cells(lambda cell: f"({cell[1:]})" if cell.startswith("-") else cell),

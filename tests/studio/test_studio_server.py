@@ -15,6 +15,7 @@ from benchmarks.studio import load
 from flexid import studio
 from flexid.errors import SettingError
 from flexid.studio import guard
+from flexid.studio.choices import read_choices
 from flexid.studio.guard import Guard, UploadError, safe_name, save
 from flexid.studio.jobs import JobError, Workers
 
@@ -154,21 +155,6 @@ def sleep() -> None:
     time.sleep(600)
 
 
-def fail() -> None:
-    """Fail with bad input."""
-    raise SettingError("port", "is none")
-
-
-def stumble() -> None:
-    """Fail with a defect."""
-    raise KeyError("oh")
-
-
-def die() -> None:
-    """End the process."""
-    os._exit(1)
-
-
 @pytest.mark.anyio
 async def test_a_job_is_done_in_its_folder(tmp_path: Path):
     """Assert that a job's answer is returned, and that one process runs several jobs."""
@@ -200,13 +186,13 @@ async def test_a_cancelled_job_makes_room(tmp_path: Path):
 async def test_what_fails_is_said_and_work_goes_on(tmp_path: Path):
     """Assert that bad input, a defect, a process's end or a lost folder stops no other job."""
     workers = Workers(1)
-    for job, kind, words in (
-        (fail, SettingError, "port"),
-        (stumble, JobError, "defect"),
-        (die, JobError, "ended early"),
+    for job, argument, kind, words in (
+        (read_choices, {"model": "none"}, SettingError, "model"),
+        ({}.__getitem__, "oh", JobError, "defect"),
+        (os._exit, 1, JobError, "ended early"),
     ):
         with pytest.raises(kind, match=words):
-            await workers.run(job, folder=tmp_path)
+            await workers.run(job, argument, folder=tmp_path)
     assert (await workers.run(echo, "a", folder=tmp_path))[0] == "a"
     workers = Workers(1)
     with pytest.raises(JobError, match="folder of the log cannot be entered"):
