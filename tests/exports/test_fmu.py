@@ -9,6 +9,7 @@ import sys
 import zipfile
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import fmpy
 import numpy as np
@@ -133,7 +134,7 @@ def opened(unit, folder, guid=None):
     fmpy.extract(str(unit), str(folder))
     described = fmpy.read_model_description(str(unit))
     described.guid = guid or described.guid
-    slave = fmpy.instantiate_fmu(str(folder), described, "CoSimulation")
+    slave: Any = fmpy.instantiate_fmu(str(folder), described, "CoSimulation")
     if described.fmiVersion == "2.0":
         slave.setupExperiment(startTime=0.0)
     slave.enterInitializationMode()
