@@ -201,6 +201,8 @@ def test_link_and_rigid_joint_have_one_as_well(log, tmp_path):
     assert (response.output, response.input) == ("link position", "motor position")
     assert response.values[1] == pytest.approx(spring / (s**2 + c["theta1"] + spring))
     assert [f.name for f in link.frequency_response().characteristic] == ["antiresonance"]
+    examined = flexid.excitation(del_torque, terms=("gravity",), segment_duration=1.0)
+    assert set(examined.coefficients) == {"theta1", "theta2"}
     one = {name: values for name, values in log.items() if "link" not in name}
     rigid = flexid.identify(one, terms=("viscous",), hold="zero", segment_duration=1.0)
     found = rigid.frequency_response(frequency=np.array([2.0]))

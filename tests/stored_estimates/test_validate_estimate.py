@@ -177,14 +177,12 @@ def test_estimates_of_no_model(log, refusals):
 
 
 def test_the_command(flexid, tmp_path):
-    """Assert that the command prints within the page, and writes document and figure."""
+    """Assert that the command writes document and figures, and the status of a minimum fit."""
     write_flexible(tmp_path / "log.csv")
     path = tmp_path / "estimate.json"
     path.write_text(json.dumps(sealed(stored())))
     outcome = flexid("validate", path, tmp_path / "log.csv", "--out", tmp_path / "out")
     assert outcome.status == 0, outcome.stderr
-    assert max(map(len, outcome.stdout.splitlines())) <= 100
-    assert "free run" in outcome.stdout
     names = {file.name for file in (tmp_path / "out").iterdir()}
     assert names == {"report.html", "validation.json", "validation.png", "residuals.png"}
     document = json.loads((tmp_path / "out" / "validation.json").read_text())

@@ -135,11 +135,6 @@ LINK_ALONE = WatchOptions(H, ("gravity",), "link")
 DAMPED = WatchOptions(H, ("gravity", "joint_damping"), "link")
 
 
-def motion(duration: float = 8.0, seed: int = 1) -> np.ndarray:
-    """Return samples without the torque."""
-    return stream(duration, seed)[:, [TIME, LINK, MOTOR]]
-
-
 def test_damping_is_found():
     """Assert narrow intervals that cover the truth, of damping too: velocities have their size."""
     damped = {"theta_damping": 0.5, "alpha_damping": 0.5 / 0.3}
@@ -160,7 +155,7 @@ def test_a_log_without_a_torque_is_followed(tmp_path: Path):
         (tmp_path / "log.csv").write_text(log_text(stream(2.0), *columns))
         chosen = {"terms": LINK_ALONE.terms, "sample_time": H, "kind": model}
         session = followed(tmp_path / "log.csv", chosen).result
-        assert same(session, watched(motion(2.0), LINK_ALONE))
+        assert same(session, watched(stream(2.0)[:, [TIME, LINK, MOTOR]], LINK_ALONE))
 
 
 PHYSICAL = {
