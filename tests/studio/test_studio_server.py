@@ -91,30 +91,22 @@ async def chunks(*parts: bytes) -> AsyncIterator[bytes]:
         yield part
 
 
-@pytest.mark.parametrize(
-    ("name", "safe"),
-    [
-        ("run 1.csv", "run 1.csv"),
-        ("../../etc/passwd.csv", "passwd.csv"),
-        ("..\\..\\windows\\log.CSV", "log.CSV"),
-        ("<script>alert(1)</script>.csv", "script_.csv"),
-        ("....csv", "log.csv"),
-        ("-rf.parquet", "rf.parquet"),
-        ("a\0b\n\u202e.csv", "a_b__.csv"),
-        ("x" * 500 + ".csv", "x" * 80 + ".csv"),
-        ("Messung März.csv", "Messung M_rz.csv"),
-    ],
+NAMES = (
+    *("run 1.csv", "../../etc/passwd.csv", "..\\..\\windows\\log.CSV", "Messung März.csv"),
+    *("<script>alert(1)</script>.csv", "....csv", "-rf.parquet", "a\0b\n\u202e.csv"),
+    *("x" * 500 + ".csv", "", "passwd", "log.exe", "log.csv/", "log.html", ".csv.sh"),
 )
-def test_names_are_plain(name: str, safe: str):
-    """Assert that a name from outside has no path and plain characters only."""
-    assert safe_name(name) == safe
 
 
-@pytest.mark.parametrize("name", ["", "passwd", "log.exe", "log.csv/", "log.html", ".csv.sh"])
-def test_other_kinds_are_refused(name: str):
-    """Assert that only logs are accepted."""
-    with pytest.raises(UploadError, match="whose names end in"):
-        safe_name(name)
+def test_names_of_uploads(golden: Any):
+    """Assert that a name has no path and plain characters only, and is that of a log."""
+    found = {}
+    for name in NAMES:
+        try:
+            found[repr(name)[:40]] = safe_name(name)
+        except UploadError as error:
+            found[repr(name)[:40]] = str(error)
+    golden(found)
 
 
 @pytest.mark.parametrize(("parts", "status"), [((b"12345", b"678901"), 413), ((), 400)])
