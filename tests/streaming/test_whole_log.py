@@ -195,6 +195,7 @@ def test_what_cannot_be_streamed(write: Write, refusals: Any):
     Path("log.csv").write_text("time\n")
     refusals(
         {name: partial(identify_stream, Path(name), settings=CHOSEN) for name in OTHERS}
+        | {"a model": lambda: identify_stream(write(), None, replace(CHOSEN, model="rigid"))}
         | {"a slow filter": lambda: identify_stream(write(), settings=slow)}
         | {"jitter": lambda: identify_stream(write(time=jitter), settings=CHOSEN)}
     )
