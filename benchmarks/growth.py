@@ -42,6 +42,7 @@ RUNS = sized((1, 3, 10, 30, 100), (1, 2, 3))
 _REPETITIONS = sized(3, 1)
 
 JOINT = flexible()
+SYSTEM = JOINT.systems[0]
 PAPER = ("gravity", "motor_viscous")
 CONTINUOUS = table1_loop((1, 2, 3))
 SAMPLED = ClosedLoop(  # the gain of the paper's law is too high for sampling at 1 kHz
@@ -95,8 +96,8 @@ def record(count: int) -> Samples:
     instants = SAMPLE_TIME * np.arange(count)
     tones, amplitudes = np.array([0.7, 5.3, 17.0, 25.0]), np.array([4.0, 6.0, 5.0, 6.0])
     torque = np.sin(np.outer(instants, tones) + generator.uniform(0, 2 * np.pi, 4)) @ amplitudes
-    values = {name: TRUE.get(name, 0.0) for name in JOINT.system.coefficients}
-    states = free_run(JOINT.system, values, np.zeros(4), torque, SAMPLE_TIME)
+    values = {name: TRUE.get(name, 0.0) for name in SYSTEM.coefficients}
+    states = free_run(SYSTEM, values, np.zeros(4), torque, SAMPLE_TIME)
     positions = states[:, ::2] + NOISE * generator.standard_normal((count, 2))
     velocities = np.ascontiguousarray(states[:, 1::2])
     return Samples(positions, velocities, torque[:, None], SAMPLE_TIME)
@@ -131,15 +132,15 @@ def with_length() -> list[Growth]:
     unknowns = _sought(PAPER)
     jobs: dict[str, Callable[[list[Samples]], object]] = {
         "least squares with its covariance": lambda recordings: (
-            filtered_least_squares(recordings, JOINT.system, unknowns=unknowns).covariance
+            filtered_least_squares(recordings, SYSTEM, unknowns=unknowns).covariance
         ),
         "prediction error, 1 s": lambda recordings: prediction_error(
-            recordings, JOINT.system, _start(recordings), unknowns=unknowns
+            recordings, SYSTEM, _start(recordings), unknowns=unknowns
         ),
     }
 
     def _start(recordings: list[Samples]) -> LeastSquaresFit:
-        return filtered_least_squares(recordings, JOINT.system, unknowns=unknowns)
+        return filtered_least_squares(recordings, SYSTEM, unknowns=unknowns)
 
     grown = [
         Growth(job, LENGTHS, [least(lambda n=n, call=call: call(part(n))) for n in LENGTHS])
@@ -163,7 +164,7 @@ def with_coefficients() -> list[Growth]:
     sizes = [len(sought.names) for sought in unknowns]
 
     def start(sought):
-        return filtered_least_squares(recordings, JOINT.system, unknowns=sought)
+        return filtered_least_squares(recordings, SYSTEM, unknowns=sought)
 
     return [
         Growth(
@@ -175,7 +176,7 @@ def with_coefficients() -> list[Growth]:
             "prediction error, 1 s",
             sizes,
             [
-                least(lambda u=u: prediction_error(recordings, JOINT.system, start(u), unknowns=u))
+                least(lambda u=u: prediction_error(recordings, SYSTEM, start(u), unknowns=u))
                 for u in unknowns
             ],
         ),

@@ -86,6 +86,7 @@ class Arm:
                 f"motor_inertia_{i}": link.motor_inertia,
                 f"motor_viscous_friction_{i}": link.motor_viscous,
                 f"motor_coulomb_friction_{i}": link.motor_coulomb,
+                f"motor_stribeck_friction_{i}": 0.0,
                 f"motor_offset_{i}": 0.0,
                 f"link_viscous_friction_{i}": 0.0 if spun else link.link_viscous,
                 f"link_coulomb_friction_{i}": 0.0 if spun else link.link_coulomb,

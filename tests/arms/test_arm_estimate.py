@@ -25,6 +25,7 @@ from flexid.exports.mjcf_arm import arm_scene
 from flexid.identification.vocabulary.evidence import Estimate, ValueEstimate
 from flexid.models.motion import unit_of
 from flexid.models.planar_arm import PlanarArm, planar_arm
+from flexid.report.arm import parts
 from flexid.stored_estimates.estimate_file import estimate_document, read_estimate
 from flexid.stored_estimates.validate_estimate import validate_arm
 from made_estimates import with_parameter
@@ -238,6 +239,14 @@ def test_offsets_and_gains_of_a_scene():
 
 
 BODIES = {"joint_stiffness_1": -1.0, "motor_inertia_2": 0.0, "link_inertia_1": 0.01}
+
+
+def test_friction_that_falls_is_reported_with_its_velocity_and_in_no_scene():
+    """Assert the velocity of Stribeck friction in the report, and a note of the scene."""
+    found = estimate(TRUTH | {"motor_stribeck_friction_1": 0.3})
+    assert "Stribeck friction of motor 1: over 0.3 rad/s, exponent 2." in [*parts(found)]
+    left_out = [note for note in arm_scene(found).notes if "left out" in note]
+    assert left_out == ["motor_stribeck_friction_1 = 0.3 is left out: MuJoCo does not model it"]
 
 
 def test_what_is_no_scene_of_an_arm(refusals: Run):

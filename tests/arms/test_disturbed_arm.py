@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from benchmarks.arms.arm import Arm, mjcf
 from benchmarks.arms.log import Motion, simulate
+from scipy.signal import savgol_filter
 from test_identify_arm import MADE
 from two_links import ARM
 
@@ -19,6 +20,7 @@ import flexid.arms.fitting as fitting
 from flexid.arms.disturbed import DisturbedFit, Job
 from flexid.arms.disturbed_terms import fit_disturbed
 from flexid.arms.doubts import (
+    DIRECTION,
     changes_by_play,
     driving_frictions,
     input_noise,
@@ -27,7 +29,10 @@ from flexid.arms.doubts import (
     noise_of_the_inputs,
     other_minima,
     rig_errors,
+    term_law,
     with_doubts,
+    with_doubts_of_an_exact_fit,
+    zeros,
 )
 from flexid.arms.fitting import exact_fits, fit_from_starts
 from flexid.arms.identify import fixed_parameters
@@ -40,7 +45,8 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing, later
 from flexid.estimators.prediction_error import Steps
 from flexid.estimators.samples import Samples, divide
-from flexid.identification.estimation.rig_errors import likely_changes
+from flexid.identification.estimation.doubts import ANOTHER_LAW, covariance_of
+from flexid.identification.estimation.rig_errors import SMALL_SHARE, likely_changes
 from flexid.identification.full_model.fitting import fit_segments
 from flexid.identification.full_model.model import Structure
 from flexid.identification.preparation.joint import ElasticArm
@@ -181,6 +187,56 @@ def test_a_late_link_encoder_is_found():
     assert values["link_1_delay"] == pytest.approx(4e-3, abs=1e-4)
     for name in ("joint_stiffness_1", "motor_viscous_friction_1", "link_viscous_friction_1"):
         assert values[name] == pytest.approx(truth[name], rel=2e-2), name
+
+
+def test_a_late_motor_encoder_is_found():
+    """Assert that a motor encoder two samples late is fitted exactly, with that delay."""
+    log = moved(SMOOTH)
+    early = log.window(2, len(log))
+    positions = early.positions.copy()
+    positions[:, 3] = log.positions[:-2, 3]
+    found = exact_fits(STRUCTURE, arm_data([replace(early, positions=positions)]), lambda _: None)
+    assert found.failure == ""
+    values, truth = found.best()[0].by_name, SMOOTH.truth()
+    assert values["motor_2_delay"] == pytest.approx(4e-3, abs=1e-4)
+    for name in ("joint_stiffness_2", "motor_viscous_friction_2", "rotor_coupling_2"):
+        assert values[name] == pytest.approx(truth[name], rel=2e-2, abs=1e-4), name
+
+
+def test_friction_that_falls_off_its_static_value_is_found():
+    """Assert both parts of a motor's dry friction, and that its velocity is a doubt."""
+    log = moved(MADE)
+    speed = np.asarray(savgol_filter(log.positions[:, 1], 9, 2, 1, log.sample_time))
+    torques = log.inputs.copy()
+    torques[:, 0] += 0.2 * np.sign(speed) * np.exp(-((speed / 0.5) ** 2))
+    data = arm_data([replace(log, inputs=torques)])
+    found = fit_disturbed(STRUCTURE, data, (MADE.truth(),))
+    values, truth = found.fitted.by_name, MADE.truth()
+    assert "motor_stribeck_friction_2" not in values
+    coulomb, static = "motor_coulomb_friction_1", "motor_stribeck_friction_1"
+    velocity = found.job.balance.constants["stribeck_velocity_1"]
+    assert 0.3 < velocity < 0.8
+    estimate = found.estimate.widened(covariance_of(term_law(found)))
+    errors = {coulomb: values[coulomb] - truth[coulomb], static: values[static] - 0.2}
+    for name, error in errors.items():
+        place = estimate.names.index(name)
+        assert abs(error) < 2.0 * estimate.deviations[place]
+        assert found.estimate.deviations[place] < 0.5 * estimate.deviations[place]
+    assert estimate.deviations[estimate.names.index(static)] > ANOTHER_LAW * values[static]
+
+
+def test_no_log_shows_the_zeros_of_joints():
+    """Assert that moments of a link have the error of its direction, in an exact fit too."""
+    exact = exact_fits(STRUCTURE, arm_data([moved(SMOOTH)]), lambda _: None).best()
+    certain, (widened, reasons) = exact[1], with_doubts_of_an_exact_fit(*exact)
+    along, across = (f"link_moment_{way}_2" for way in ("along", "across"))
+    error = DIRECTION * widened.by_name[along]
+    for estimate in (widened, doubted()):
+        place = estimate.names.index(across)
+        assert 0.5 * error < estimate.deviations[place] < 2.0 * error
+    place = certain.names.index(across)
+    assert certain.deviations[place] < 0.1 * error
+    assert "zeros" in reasons[across]
 
 
 @cache
@@ -325,7 +381,9 @@ def refitted(job: Job) -> DisturbedFit:
 def told_of(found: DisturbedFit) -> FloatArray:
     """Return the change of values by rig errors in the log, over standard deviations."""
     rigs = [*rig_errors(found.fitted, found.job.deflections)]
-    return likely_changes(found.fitted, rigs)[:, -1] / disturbed().estimate.deviations
+    changes = likely_changes(found.fitted, rigs)[:, -1]
+    changes += likely_changes(found.fitted, [*zeros(found.fitted)], share=SMALL_SHARE)[:, -1]
+    return changes / disturbed().estimate.deviations
 
 
 def shown(row: int, error: FloatArray, relative_to: dict[str, str]) -> DisturbedFit:
@@ -385,7 +443,7 @@ def test_a_right_rig_is_hardly_doubted():
     """Assert that for a right rig doubts are mostly below the standard errors."""
     found = disturbed()
     rigs = [*rig_errors(found.fitted, ())]
-    assert len(rigs) == 8  # sine, cosine and scale for two joints, one length, and gravity
+    assert len(rigs) == 7  # sine, cosine and scale for two joints, and one length
     sizes = np.linalg.norm(likely_changes(found.fitted, rigs), axis=1)
     assert np.median(sizes / found.estimate.deviations) < 1.0
 

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,12 @@ from benchmarks.arms.log import Motion, random_motion, save, simulate
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from flexid.arms.identify import doubt_of_negative, identify_arm, negative_springs
+from flexid.arms.identify import (
+    doubt_of_negative,
+    identify_arm,
+    negative_springs,
+    weak_springs,
+)
 from flexid.arms.log import ArmLog, read_arm_log
 from flexid.errors import FlexidError
 from flexid.identification.vocabulary.evidence import ValueEstimate
@@ -178,6 +184,21 @@ def rounded_otherwise(log: ArmLog, seed: int) -> ArmLog:
         replace(r, positions=near(r.positions), inputs=near(r.inputs)) for r in log.recordings
     )
     return replace(log, recordings=tuple(near_recordings))
+
+
+@pytest.mark.parametrize(
+    ("ratio", "predicted", "warned"), [(0.1, 0.0, True), (0.1, 90.0, False), (0.9, 0.0, False)]
+)
+def test_a_held_motor_must_explain_its_link(ratio: float, predicted: float, warned: bool):
+    """Assert a warning about the gear if the link moves far and the spring predicts nothing."""
+    link = np.sin(np.arange(100.0))
+    positions = np.column_stack((link, link, 0.2 * link, 0.2 * ratio * link))
+    fitted: Any = SimpleNamespace(
+        data=SimpleNamespace(samples=[SimpleNamespace(positions=positions)])
+    )
+    found = weak_springs(fitted, {2: predicted}, {"link_2": 0.9, "motor_2": 0.1})
+    words = [str(doubt) for _, doubt in found]
+    assert any("check the gear ratio and the motor's encoder" in each for each in words) == warned
 
 
 def test_a_fit_that_does_not_converge_determines_nothing(

@@ -14,7 +14,7 @@ from benchmarks.arms.arm import mjcf, random_arm
 from two_links import ARM, TRUTH, TwoLinks, motion
 
 from flexid.arms.disturbed import as_physical
-from flexid.arms.doubts import rig_errors
+from flexid.arms.doubts import other_falls, rig_errors, zeros
 from flexid.arms.identify import carried_inertia
 from flexid.arrays import FloatArray
 from flexid.derivation.torque_balance import balance_functions
@@ -28,6 +28,7 @@ from flexid.models.planar_arm import PlanarArm, planar_arm
 from flexid.models.torque_balance import BodyTerm
 
 BALANCE = planar_arm(ARM)
+STRIBECK = 0.3  # N m, of motor 1 at rest
 HELD = 25  # samples
 
 
@@ -73,8 +74,9 @@ def problem_of(torques: FloatArray, h: float, outputs: FloatArray | None = None)
 
 
 def sought(problem: SegmentedMotion) -> FloatArray:
-    """Return the true values of the unknowns."""
-    return np.array([TRUTH.get(name, 0.0) for name in problem.names])
+    """Return the true values of the unknowns, and Stribeck friction."""
+    values = {**TRUTH, "motor_stribeck_friction_1": STRIBECK}
+    return np.array([values.get(name, 0.0) for name in problem.names])
 
 
 # Types of joints by letter (P slides); some rotors move with the links.
@@ -188,14 +190,17 @@ def test_errors_of_a_rig_with_a_slide():
     arm = ElasticArm(planar_arm(PlanarArm((0.4, 0.3), slides=(None, 0.6))))
     segments = divide([Samples(np.ones((50, 4)), None, np.zeros((50, 2)), 2e-3)], 0.1)
     problem = arm.motion(segments, Timing("zero"), arm.unknowns((), {}))
-    fitted: Any = SimpleNamespace(problem=problem, structure=SimpleNamespace(joint=arm))
-    rigs = [*rig_errors(fitted, ())]
+    structure = SimpleNamespace(joint=arm)
+    fitted: Any = SimpleNamespace(problem=problem, structure=structure, names=problem.names)
+    rigs = [*rig_errors(fitted, ()), *other_falls(fitted), *zeros(fitted)]
     names = [*arm.balance.constants]
     changed = [
         [name for name, x, y in zip(names, rig.constants, problem.constants, strict=True) if x != y]
         for rig in rigs
     ]
-    assert changed == [[], [], [], [], ["l1"], ["d2"]]  # first a sine, a cosine and two scales
+    falls = [["stribeck_velocity_1"], ["stribeck_velocity_2"]]
+    # First a sine, a cosine and two scales; the zero of a slide is no direction.
+    assert changed == [[], [], [], [], ["l1"], ["d2"], *falls]
 
 
 def held_torques(rng: np.random.Generator, count: int) -> FloatArray:
@@ -205,13 +210,18 @@ def held_torques(rng: np.random.Generator, count: int) -> FloatArray:
 
 
 def test_stick_and_slip_of_an_independent_integrator():
-    """Assert that coupled joints stick and slip as with SciPy's integrator and events."""
+    """Assert that coupled joints stick and slip as with SciPy's integrator and events.
+
+    The friction of one motor falls off its static value.
+    """
     rng = np.random.default_rng(3)
     h, torques = 2e-3, held_torques(rng, 400)
     start = np.array([0.3, 0.0, 0.3, 0.0, -0.2, 0.0, -0.2, 0.0])
     expected, changes = start[None], 0
     for held in torques[::HELD]:
-        states, ended = motion(TwoLinks(held), h * np.arange(HELD + 1), expected[-1])
+        states, ended = motion(
+            TwoLinks(held, stribeck=STRIBECK), h * np.arange(HELD + 1), expected[-1]
+        )
         expected, changes = np.vstack((expected, states[1:])), changes + ended
     problem = problem_of(torques, h)
     found = -problem.equations(Point(sought(problem), start[None]), "nothing").residuals

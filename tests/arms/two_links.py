@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from flexid.arrays import FloatArray
 from flexid.models.planar_arm import PlanarArm
 
-ARM = PlanarArm((0.4, 0.3), (9.81, 0.0))
+ARM = PlanarArm((0.4, 0.3), (9.81, 0.0), stribeck=((0.3, 2.0), (1.0, 2.0)))
 TRUTH = {
     "joint_stiffness_1": 300.0,
     "cubic_joint_stiffness_1": 100.0,
@@ -48,9 +48,15 @@ class TwoLinks:
 
     torque: FloatArray
     gravity: float = 9.81
-    limits = np.array(
-        [[TRUTH[f"{side}_coulomb_friction_{i}"]] * 2 for i in (1, 2) for side in ("link", "motor")]
-    )
+    stribeck: float = 0.0  # N m, friction of motor 1 that only acts at rest and at low speed
+
+    @property
+    def limits(self) -> FloatArray:
+        """Return the friction torque of each row at rest, in both directions."""
+        sides = [f"{side}_coulomb_friction_{i}" for i in (1, 2) for side in ("link", "motor")]
+        found = np.array([[TRUTH[side]] * 2 for side in sides])
+        found[1] += self.stribeck
+        return found
 
     def masses(self, x: FloatArray) -> FloatArray:
         """Return the mass matrix."""
@@ -81,12 +87,16 @@ class TwoLinks:
         )
         spring_1 = t["joint_stiffness_1"] * (m1 - q1) + t["joint_damping_1"] * (w1 - v1)
         spring_1 += t["cubic_joint_stiffness_1"] * (m1 - q1) ** 3
+        fallen = self.stribeck * (1.0 - np.exp(-((w1 / ARM.stribeck[0][0]) ** 2)))
         spring_2 = t["joint_stiffness_2"] * (m2 - q2) + t["joint_damping_2"] * (w2 - v2)
         spring_2 += t["cubic_joint_stiffness_2"] * (m2 - q2) ** 3
         return np.array(
             [
                 spring_1 - coriolis[0] - weight_1 - t["link_viscous_friction_1"] * v1,
-                self.torque[0] - spring_1 - t["motor_viscous_friction_1"] * w1,
+                self.torque[0]
+                - spring_1
+                - t["motor_viscous_friction_1"] * w1
+                + np.sign(w1) * fallen,
                 spring_2 - coriolis[1] - weight_2 - t["link_viscous_friction_2"] * v2,
                 self.torque[1] - spring_2 - t["motor_viscous_friction_2"] * w2,
             ]

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import polars as pl
@@ -122,7 +123,8 @@ def test_directories_that_cannot_be_used(full, golden, monkeypatch):
     assert missing(full) == []
     with open_store(Path("out"), MANIFEST) as opened, monkeypatch.context() as patched:
         opened.path(1).unlink()
-        patched.setattr(os, "fsync", no_room)
+        full_disk = OSError(errno.ENOSPC, "No space left on device")
+        patched.setattr(os, "fsync", Mock(side_effect=full_disk))
         found["a full disk"] = refusal(lambda _: opened.write(1, rows(range(3, 6))), None)
     assert missing(full) == [1]
     (full / "campaign.json").unlink()
@@ -133,11 +135,6 @@ def test_directories_that_cannot_be_used(full, golden, monkeypatch):
             refusal(one, Path("out")) for one in (missing, find_store)
         }
     golden(found)
-
-
-def no_room(_):
-    """Fail like a full disk."""
-    raise OSError(errno.ENOSPC, "No space left on device")
 
 
 KILLED = """

@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 
 import pytest
 from tests.campaigns.tiny import EXPERIMENT, rows_of, same_bits, write_experiment
@@ -39,12 +40,6 @@ def start(*arguments, code="from dask.__main__ import main; main()"):
     )
 
 
-def start_worker(address, name, code="from dask.__main__ import main; main()"):
-    """Start a worker with one thread that is not restarted."""
-    options = ("--no-nanny", "--nthreads", 1, "--no-dashboard", "--name", name)
-    return start("worker", address, *options, code=code)
-
-
 def wait_for_workers(address, count):
     """Wait until this number of workers is connected."""
     from distributed import Client
@@ -52,6 +47,20 @@ def wait_for_workers(address, count):
     with Client(address, timeout=60, set_as_default=False) as client:
         if count:
             client.wait_for_workers(count, timeout=120)
+
+
+@contextmanager
+def workers(address, *names, **code):
+    """Run workers with one thread, which are not restarted."""
+    options = ("--no-nanny", "--nthreads", 1, "--no-dashboard", "--name")
+    started = [start("worker", address, *options, name, **code) for name in names]
+    try:
+        wait_for_workers(address, len(names))
+        yield started
+    finally:
+        for worker in started:
+            worker.kill()
+            worker.wait(60)
 
 
 @pytest.fixture(scope="module")
@@ -79,23 +88,17 @@ def experiment(tmp_path):
 
 def test_a_killed_worker_changes_no_bit(scheduler, experiment, tmp_path):
     """Assert that two workers, one of them killed in between, give the rows of this machine."""
-    workers = [start_worker(scheduler, name) for name in ("one", "two")]
-    try:
-        wait_for_workers(scheduler, 2)
+    with workers(scheduler, "one", "two") as (one, other):
         kept = []
 
         def killing(done, _):
             kept.append(done)
             if len(kept) == 2:
-                workers[0].send_signal(signal.SIGKILL)
+                one.send_signal(signal.SIGKILL)
 
         run_campaign(experiment, tmp_path / "cluster", scheduler=scheduler, progress=killing)
-        assert workers[0].wait(60) == -signal.SIGKILL
-        assert workers[1].poll() is None
-    finally:
-        for worker in workers:
-            worker.kill()
-            worker.wait(60)
+        assert one.wait(60) == -signal.SIGKILL
+        assert other.poll() is None
     assert rows_of(tmp_path / "cluster")["status"].to_list() == ["finished"] * 60
     assert kept == list(range(0, 61, 2))
     run_campaign(experiment, tmp_path / "here")
@@ -125,16 +128,11 @@ def test_a_scheduler_that_is_not_there_is_one_sentence(experiment, tmp_path, mon
 
 def test_workers_and_packages_that_do_not_fit(scheduler, experiment, tmp_path, monkeypatch):
     """Assert that other versions are refused by worker, and a missing package by its command."""
-    worker = start_worker(scheduler, "other", code=OTHER_VERSION)
-    try:
-        wait_for_workers(scheduler, 1)
-        with pytest.raises(
-            CampaignError, match=r"does not have flexid .*: install the same version"
-        ):
-            run_campaign(experiment, tmp_path / "out", scheduler=scheduler)
-    finally:
-        worker.kill()
-        worker.wait(60)
+    with (
+        workers(scheduler, "other", code=OTHER_VERSION),
+        pytest.raises(CampaignError, match=r"does not have flexid .*: install the same version"),
+    ):
+        run_campaign(experiment, tmp_path / "out", scheduler=scheduler)
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(SettingError, match=r"pip install 'flexid\[dask\]'"):
         run_campaign(experiment, tmp_path / "out", scheduler="tcp://127.0.0.1:8786")

@@ -11,12 +11,9 @@ import pytest
 from tests.campaigns.tiny import EXPERIMENT, write_experiment
 
 import flexid as library
-import flexid as package
-from flexid import load
 from flexid.arrays import to_json
-from flexid.experiments.experiment import read_experiment
 from flexid.stored_estimates.estimate_file import estimate_document
-from made_estimates import STIFFER, TRUE, drawn, exact, with_parameter
+from made_estimates import STIFFER, TRUE, exact, with_parameter
 
 PAPER = ("gravity_torque", "link_inertia", "joint_stiffness", "motor_inertia")
 PAPER += ("motor_viscous_friction",)
@@ -54,25 +51,6 @@ def test_example_recovers_the_truth(flexid, examples, tmp_path):
     assert document["warnings"] == []
 
 
-def test_motion_alone_gives_the_link(flexid, examples, tmp_path):
-    """Assert that a log without a torque gives table, document and figures of the link."""
-    log, path = examples / "flexible_joint.csv", tmp_path / "motion.csv"
-    pl.read_csv(log).drop("motor_torque [N m]").write_csv(path)
-    outcome = flexid("identify", path, "--out", tmp_path / "out", "--explain")
-    assert outcome.status == 0, outcome.stderr
-    assert "the link alone, since the log has no input" in " ".join(outcome.stdout.split())
-    document = json.loads((tmp_path / "out" / "estimate.json").read_text())
-    assert document["model"] == "link"
-    assert set(document["coefficients"]) == {"theta1", "theta2"}
-    for name in ("theta1", "theta2"):
-        lower, upper = document["coefficients"][name]["interval"]
-        assert lower <= TRUE[name] <= upper
-    assert {"fit.png", "bode.png"} <= {file.name for file in (tmp_path / "out").iterdir()}
-    assert load(tmp_path / "out" / "estimate.json").model == "link"
-    assert flexid("validate", tmp_path / "out" / "estimate.json", log).status == 0
-    assert flexid("excitation", path).status == 0
-
-
 def stored(folder: Path, estimate) -> Path:
     """Return a folder as written by `flexid identify --out`."""
     folder.mkdir()
@@ -88,40 +66,26 @@ def folders(tmp_path):
 
 
 def test_documents_agree(flexid, folders, tmp_path):
-    """Assert that the printed, written and returned JSON documents are equal."""
+    """Assert equal documents printed, written, and returned for any form of an estimate."""
     pair = folders["before"], folders["after"]
     printed = json.loads(flexid("compare", *pair, "--json").stdout)
     flexid("compare", *pair, "--out", tmp_path / "out")
-    written = json.loads((tmp_path / "out" / "comparison.json").read_text())
-    assert written == printed
-    page = (tmp_path / "out" / "report.html").read_text()
-    assert page.startswith("<!DOCTYPE html>")
-    assert "flexid compare" in page
-    found = library.compare(*pair)
+    assert json.loads((tmp_path / "out" / "comparison.json").read_text()) == printed
+    assert "flexid compare" in (tmp_path / "out" / "report.html").read_text()
+    found, file = library.compare(*pair), pair[0] / "estimate.json"
     assert found.document == printed
-    stiffness = printed["parameters"]["joint_stiffness"]
-    assert stiffness["outcome"] == "changed"
-    assert stiffness["interval"][0] < 10.0 < stiffness["interval"][1]
-    assert printed["a"] == str(pair[0] / "estimate.json")
-
-
-def test_the_library_takes_whatever_holds_an_estimate(folders):
-    """Assert that estimates, folders, files and documents give the same comparison."""
-    file = folders["before"] / "estimate.json"
-    other = library.load(folders["after"])
-    forms = (library.load(file), folders["before"], str(file), json.loads(file.read_text()))
-    answers = [library.compare(form, other) for form in forms]
-    assert len({str(answer.document["parameters"]) for answer in answers}) == 1
-    answer = answers[0]
-    assert answer.changed == ("joint_stiffness",)
-    assert not answer.agree
-    assert repr(answer) == "<EstimateComparison: 5 compared, changed: joint_stiffness>"
-    assert "Changed: joint_stiffness" in answer.summary()
-    assert "&lt;" not in answer._repr_html_()
+    assert printed["a"] == str(file)
+    for form in (library.load(file), str(file), json.loads(file.read_text())):
+        other = library.compare(form, library.load(pair[1]))
+        assert other.document["parameters"] == printed["parameters"]
+    assert (found.changed, found.agree) == (("joint_stiffness",), False)
+    assert repr(found) == "<EstimateComparison: 5 compared, changed: joint_stiffness>"
+    assert "Changed: joint_stiffness" in found.summary()
+    assert "&lt;" not in found._repr_html_()
 
 
 def test_what_does_not_agree_is_status_1(flexid, folders, tmp_path):
-    """Assert 0 for one drive twice, and 1 for a change or an undetermined value, with names."""
+    """Assert 0 for one drive twice, and 1 for a change or an undetermined value."""
     outcome = flexid("compare", folders["before"], folders["again"])
     assert (outcome.status, outcome.stderr) == (0, "")
     assert "No change was found in 5 numbers" in outcome.stdout
@@ -129,14 +93,9 @@ def test_what_does_not_agree_is_status_1(flexid, folders, tmp_path):
     outcome = flexid("compare", *files)
     assert outcome.status == 1
     assert "Changed: joint_stiffness by 1" in outcome.stdout
-    rng = np.random.default_rng(3)
     infinite = {"std": np.inf, "interval": (-np.inf, np.inf), "verdict": "undetermined"}
-    vague = with_parameter(drawn(rng), "joint_stiffness", reason="nothing on it", **infinite)
-    outcome = flexid("compare", folders["before"], stored(tmp_path / "vague", vague))
-    assert outcome.status == 1
-    said = " ".join(outcome.stdout.split())
-    assert "joint_stiffness: in B nothing on it" in said
-    assert "Not determined in A or in B, and so not compared: joint_stiffness." in said
+    vague = with_parameter(exact(TRUE, "vague"), "joint_stiffness", **infinite)
+    assert flexid("compare", folders["before"], stored(tmp_path / "vague", vague)).status == 1
 
 
 def test_notes_are_on_stderr(flexid, examples: Path):
@@ -172,7 +131,7 @@ SHORT = ("--set", "run.duration=1")
 
 
 def test_a_run_is_written_whole_or_not_at_all(flexid: Callable, tmp_path: Path):
-    """Assert no files and a time if a loop diverges, and else series, summary and figures."""
+    """Assert no files and a time if a loop diverges, and else those of the library's run."""
     out = tmp_path / "run"
     steps = ("--set", "run.maximum_steps=100")
     outcome = flexid("simulate", TABLE1, "--out", out, *steps)
@@ -193,37 +152,42 @@ def test_a_run_is_written_whole_or_not_at_all(flexid: Callable, tmp_path: Path):
     series = pl.read_parquet(out / "run.parquet")
     assert series.equals(pl.read_csv(out / "run.csv"))
     summary = json.loads(outcome.stdout)
-    experiment = read_experiment(TABLE1).with_values({"run.duration": 1.0, "controller.k": 40.0})
-    run = experiment.run()
+    found = library.simulate(TABLE1, set={"run.duration": 1, "controller.k": 40})
+    experiment, run = found.experiment, found.result
+    assert found.document == summary
+    assert len(found.to_dataframe()) == len(run.time)
+    drive = library.simulate(FOLDER / "sampled_joint.toml", set={"run.duration": 0.1})
+    assert drive.log().recordings[0].input_unit == "N m"
+    titles = [found.plot(name).get_suptitle() for name in ("motion", "estimates")]
+    assert titles == [f"{experiment.name}: motion", f"{experiment.name}: estimates"]
+    assert "<img" in found._repr_html_()
+    assert "1 s" in repr(found)
     assert np.array_equal(series["theta2_error [1/s^2]"], run.parameter_errors[:, 1])
     assert np.array_equal(series["link_position [rad]"], run.states[:, 0])
     assert summary["coefficients"]["theta2"]["final"] == series["theta2_estimate [1/s^2]"][-1]
     assert summary["statistics"] == run.statistics
     assert summary["provenance"]["experiment_digest"] == experiment.digest
-    assert summary["provenance"]["flexid_version"] == package.__version__
+    assert summary["provenance"]["flexid_version"] == library.__version__
     assert summary["provenance"]["tables"]["controller"]["k"] == 40.0
 
 
-@pytest.fixture
-def tiny(tmp_path):
-    """Return the tiny campaign."""
-    return write_experiment(tmp_path / "tiny.toml")
-
-
-def test_a_campaign_is_run_and_summarised(flexid, tiny, tmp_path):
-    """Assert that the command prints the counts of runs, and the summary their results."""
-    out = tmp_path / "out"
-    run = flexid("campaign", tiny, "--out", out)
-    assert (run.status, run.stderr) == (0, "")
-    assert run.stdout.splitlines()[0] == f"12 runs in {out}: finished 12"
+def test_a_campaign_is_run_and_summarised(flexid, tmp_path):
+    """Assert that every run is counted and reported, and that summaries of any caller agree."""
+    tiny, out, reached = write_experiment(tmp_path / "tiny.toml"), tmp_path / "out", []
+    found = library.campaign(tiny, out=out, workers=1, progress=lambda *n: reached.append(n))
+    assert reached[-1] == (12, 12)
+    assert found.complete
+    assert found.statuses == {"finished": 12}
+    assert "12 of 12 runs" in repr(found)
+    found.save_figures(tmp_path / "figures")
     summary = flexid("campaign", "--summary", out)
     assert summary.status == 0
     assert "finished 12 (100 %)" in summary.stdout
-    assert "tracking_rms" in summary.stdout
-    assert max(map(len, summary.stdout.splitlines())) <= 80
+    assert summary.stdout.split() == found.summary().split()
     document = json.loads((out / "summary.json").read_text())
     assert document["results"]["tracking_rms"]["finite"] == 12
     assert json.loads(flexid("campaign", "--summary", out, "--json").stdout) == document
+    assert library.campaign(summary=out).document == found.document == document
 
 
 def test_a_campaign_in_which_nothing_finishes(flexid, tmp_path):
@@ -233,7 +197,7 @@ def test_a_campaign_in_which_nothing_finishes(flexid, tmp_path):
     path = write_experiment(tmp_path / "tiny.toml", campaign, text)
     run = flexid("campaign", path, "--out", tmp_path / "out")
     assert run.status == 0
-    assert run.stdout.splitlines()[0].endswith("diverged 2")
+    assert run.stdout.splitlines()[0] == f"2 runs in {tmp_path / 'out'}: diverged 2"
     summary = flexid("campaign", "--summary", tmp_path / "out")
     assert summary.status == 1
     assert "diverged 2 (100 %)" in summary.stdout

@@ -115,7 +115,7 @@ VALUES = {
     "alpha_coulomb": 9.0,
     "beta1": 10.0 / 3.0,
 }
-JOINT = flexible().system  # with all usual terms: its kernel is compiled anyway
+JOINT = flexible().systems[0]  # with all usual terms: its kernel is compiled anyway
 SOUGHT = Unknowns(JOINT, dict.fromkeys({*JOINT.coefficients} - VALUES.keys(), 0.0))
 TRUTH = [VALUES[name] for name in SOUGHT.names]
 DURATION = KNOTS * (len(CORNERS) - 1)

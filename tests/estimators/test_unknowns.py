@@ -43,7 +43,7 @@ def test_names_and_coefficients_of_a_recording():
     assert unknowns.coefficients(np.ones(6), 2)[3] == 1.0
 
 
-DAMPED = flexible().system
+DAMPED = flexible().systems[0]
 ABSENT = {*DAMPED.coefficients} - {*TRUTH, "theta_damping", "alpha_damping"}
 TIED = Unknowns(
     DAMPED,

@@ -8,6 +8,7 @@ import sys
 import tomllib
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -153,27 +154,16 @@ def write_kuka(path: Path, columns: pl.DataFrame) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "log"),
-    [
-        ("ist-arm", "ist-flexible-arm/ist_square_1p5V.csv"),
-        ("kuka", "kr300/kr300_A.csv"),
-        ("kuka", "kr300/kr300_B.csv"),
-    ],
+    "log", ["ist-flexible-arm/ist_square_1p5V", "kr300/kr300_A", "kr300/kr300_B"]
 )
-def test_real_logs(
-    kind: str,
-    log: str,
-    shared_data: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_real_logs(log: str, shared_data: Path, tmp_path: Path, monkeypatch: Any, capsys: Any):
     """Assert that the publisher's structure gives the log with the digest on the page."""
-    columns = pl.read_csv(shared_data / log, infer_schema_length=None)
-    write = write_arm if kind == "ist-arm" else write_kuka
+    published = shared_data / f"{log}.csv"
+    columns = pl.read_csv(published, infer_schema_length=None)
+    kind, write = ("ist-arm", write_arm) if log.startswith("ist") else ("kuka", write_kuka)
     write(tmp_path / "log.mat", columns.cast(pl.Float64))
     convert(monkeypatch, kind, tmp_path / "log.mat", tmp_path / "log.csv")
-    assert (tmp_path / "log.csv").read_bytes() == (shared_data / log).read_bytes()
+    assert (tmp_path / "log.csv").read_bytes() == published.read_bytes()
     printed = capsys.readouterr().out
     shown = re.search(r"\d+ samples, every .* ms, SHA-256 \w{16}", printed)
     assert shown is not None

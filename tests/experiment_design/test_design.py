@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
+import flexid as flexid_library
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
@@ -24,34 +26,22 @@ from flexid.studies.runs import PHYSICAL
 from joint_logs import SAMPLE_TIME, steady_sine
 from made_estimates import stored_document, stored_value
 
-
-@pytest.fixture
-def text(examples):
-    """Return the text of the shipped example."""
-    return (examples / "drive.toml").read_text()
+DRIVE = Path(__file__).parents[2] / "examples" / "drive.toml"
+TEXT = DRIVE.read_text()
 
 
-@pytest.fixture
-def written(tmp_path):
-    """Write a drive file and return its path."""
-
-    def write(content):
-        path = tmp_path / "drive.toml"
-        path.write_text(content)
-        return path
-
-    return write
-
-
-def test_values_of_a_drive(examples, text, written):
+def test_values_of_a_drive(here):
     """Assert Table I's, a known value in every perturbed drive, and an encoder's step as noise."""
-    drive = read_drive(examples / "drive.toml").drive
+    drive = read_drive(DRIVE).drive
     assert drive.coefficients == pytest.approx(joint_coefficients(PHYSICAL))
     assert set(drive.nominal.coefficients) == set(drive.coefficients)
-    drive = read_drive(written('known = ["motor_inertia"]\n' + text)).drive
+    path = here / "drive.toml"
+    path.write_text('known = ["motor_inertia"]\n' + TEXT)
+    drive = read_drive(path).drive
     assert "beta1" not in drive.nominal.coefficients
     assert {case.system.constants["beta1"] for case in drive.cases(0)} == {1 / 0.3}
-    drive = read_drive(written(text.replace("position_noise = 1e-4", "encoder_bits = 12"))).drive
+    path.write_text(TEXT.replace("position_noise = 1e-4", "encoder_bits = 12"))
+    drive = read_drive(path).drive
     assert drive.sensors.noise == pytest.approx(2 * np.pi / 4096 / np.sqrt(12))
 
 
@@ -71,10 +61,10 @@ def stored(tmp_path):
     return write
 
 
-def test_an_estimate_replaces_beliefs(examples, stored):
+def test_an_estimate_replaces_beliefs(stored):
     """Assert values by name, and warnings of shapes, guesses and values that are missing."""
     path = stored(link_inertia={"value": 1.5}, joint_damping={"value": 0.1})
-    file = read_drive(examples / "drive.toml", read_estimate(path))
+    file = read_drive(DRIVE, read_estimate(path))
     assert file.drive.values == pytest.approx({**PHYSICAL, "link_inertia": 1.5})
     assert [name for name, _ in file.inputs] == ["drive.toml", "estimate.json"]
     (warning,) = file.warnings
@@ -86,7 +76,7 @@ def test_an_estimate_replaces_beliefs(examples, stored):
         joint_stiffness={"value": 90.0, **undetermined},
         motor_inertia={"value": PHYSICAL["motor_inertia"], **undetermined},
     )
-    file = read_drive(examples / "drive.toml", read_estimate(path))
+    file = read_drive(DRIVE, read_estimate(path))
     assert file.drive.values == pytest.approx({**PHYSICAL, "joint_stiffness": 90.0})
     shape, nothing, guessed = file.warnings
     assert "motor_stribeck" in shape
@@ -117,13 +107,13 @@ OTHERWISE = {  # text in the example, and its replacement
 }
 
 
-def test_what_no_drive_is(text, stored, refusals, here):
+def test_what_no_drive_is(stored, refusals, here):
     """Assert that file and key are named, for a drive as for its estimate."""
     path = Path("drive.toml")
 
     def read(old="", new="", estimate=None):
-        assert old in text
-        path.write_text(text.replace(old, new) if old else text)
+        assert old in TEXT
+        path.write_text(TEXT.replace(old, new) if old else TEXT)
         return read_drive(path, estimate and read_estimate(estimate))
 
     alone = json.loads(stored().read_text())
@@ -140,9 +130,9 @@ SEEDS = 40
 
 
 @pytest.fixture(scope="module")
-def designed(examples):
+def designed():
     """Return the design of a short experiment with few tones for the example drive."""
-    file = read_drive(examples / "drive.toml")
+    file = read_drive(DRIVE)
     short = {"duration": 4.0, "sample_time": 0.002, "harmonics": 6}
     experiment = file.drive.experiment.model_copy(update=short)
     quick = replace(file, drive=file.drive.model_copy(update={"experiment": experiment}))
@@ -198,7 +188,7 @@ def _one_start(monkeypatch):
 
 @pytest.mark.usefixtures("_one_start")
 def test_command_writes_what_it_promises(flexid, tiny_drive, tmp_path):
-    """Assert that the command prints within the page and writes files, which depend on the seed."""
+    """Assert files of the command, which depend on the seed, and the library's same design."""
     outcome = flexid("design", tiny_drive, "--out", tmp_path)
     assert outcome.status == 0, outcome.stderr
     assert max(map(len, outcome.stdout.splitlines())) <= 80
@@ -208,6 +198,14 @@ def test_command_writes_what_it_promises(flexid, tiny_drive, tmp_path):
     assert document["provenance"]["inputs"][0]["file"] == "drive.toml"
     header = (tmp_path / "command.csv").read_text().splitlines()[0]
     assert header == "time [s],motor_torque [N m]"
+    steps: list[str] = []
+    found = flexid_library.design(tiny_drive, progress=steps.append)
+    assert found.document == document
+    assert steps
+    assert isinstance(found.plot(), Figure)
+    assert found._page().title == "The designed torque"
+    assert max(found.deviations.values()) == found.result.prediction.worst
+    assert repr(found).startswith("<ExperimentDesign: 2 s, worst coefficient")
     other = flexid("design", tiny_drive, "--json", "--seed", 4).stdout
     assert json.loads(other)["tones"] != document["tones"]
 

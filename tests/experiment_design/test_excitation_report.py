@@ -1,11 +1,13 @@
 """Report on the excitation of a log: values as in identify, and valid advice."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import flexid as flexid_library
 from flexid.experiment_design.excitation_report import _caution, advise, examine
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.evidence import Disturbances, ModelError
@@ -113,6 +115,12 @@ def test_command_says_it_all(flexid, faint, tmp_path):
     document = json.loads((tmp_path / "excitation.json").read_text())
     assert document["advice"]["resonance"] > 0
     assert document["supported"] is (outcome.status == 0)
+    options = {"terms": TERMS, "hold": "zero", "input_delay": 0, "link_delay": 0}
+    found = flexid_library.excitation(faint[0], **options)
+    assert found.document["coefficients"] == document["coefficients"]
+    assert found.supports() is document["supported"]
+    assert re.search(r"\d of 5 coefficients determined", repr(found))
+    assert "theta2" in found.summary()
     assert len(document["provenance"]["inputs"][0]["sha256"]) == 64
 
 

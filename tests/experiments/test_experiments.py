@@ -168,19 +168,11 @@ def test_tables_choose_law_and_loop(tmp_path: Path):
     assert "run.stiff" not in explicit.values
 
 
-@pytest.fixture(scope="module")
-def table1() -> Experiment:
-    """Return Table I as an experiment."""
-    return read_experiment(FOLDER / "huang2003.toml")
+TABLE1 = read_experiment(FOLDER / "huang2003.toml")
+SAMPLED_JOINT = read_experiment(FOLDER / "sampled_joint.toml")
 
 
-@pytest.fixture(scope="module")
-def sampled() -> Experiment:
-    """Return the sampled joint."""
-    return read_experiment(FOLDER / "sampled_joint.toml")
-
-
-def test_other_values_need_no_other_kernel(table1: Experiment):
+def test_other_values_need_no_other_kernel():
     """Assert that gains, plant, observer, start and reference share one compiled loop."""
     values = {
         "controller.k": 15.0,
@@ -193,10 +185,10 @@ def test_other_values_need_no_other_kernel(table1: Experiment):
         "initial_state.x1": 0.1,
         "reference.amplitude": 2.0,
     }
-    changed = table1.with_values(values)
-    assert changed.loop.declaration is table1.loop.declaration
+    changed = TABLE1.with_values(values)
+    assert changed.loop.declaration is TABLE1.loop.declaration
     assert changed.loop.declaration.digests == table1_loop((1, 2, 3)).declaration.digests
-    assert loop_kernel(changed.loop.declaration) is loop_kernel(table1.loop.declaration)
+    assert loop_kernel(changed.loop.declaration) is loop_kernel(TABLE1.loop.declaration)
     assert values.items() <= changed.values.items()
     assert changed.loop.controller.values["gain3"] == 15.0**2 * 0.42
 
@@ -208,13 +200,13 @@ OUT_OF_RANGE: list[tuple[str, float]] = [
 ]
 
 
-def test_values_out_of_range(refusals: Any, sampled: Experiment, monkeypatch: Any):
+def test_values_out_of_range(refusals: Any, monkeypatch: Any):
     """Assert that set values are checked as strictly as those of a file."""
     monkeypatch.chdir(FOLDER)
     table1 = read_experiment("huang2003.toml")
 
     def change(path: str, value: float) -> Experiment:
-        other = replace(sampled, path="sampled.toml")
+        other = replace(SAMPLED_JOINT, path="sampled.toml")
         return (other if "sampling" in path else table1).with_values({path: value})
 
     refusals({f"{path} = {v}": partial(change, path, v) for path, v in OUT_OF_RANGE})
@@ -223,14 +215,13 @@ def test_values_out_of_range(refusals: Any, sampled: Experiment, monkeypatch: An
 @pytest.mark.parametrize(
     "path", ["plant.gravity_torque", "run.relative_tolerance", "observer.link"]
 )
-def test_digest_covers_what_decides(path: str, table1: Experiment, tmp_path: Path):
+def test_digest_covers_what_decides(path: str, tmp_path: Path):
     """Assert that every decisive value changes the digest, and that title and path do not."""
-    changed = table1.with_values({path: table1.values[path] / 2})
-    assert changed.digest != table1.digest
-    text = (FOLDER / "huang2003.toml").read_text(encoding="utf-8")
+    changed = TABLE1.with_values({path: TABLE1.values[path] / 2})
+    assert changed.digest != TABLE1.digest
     copy = tmp_path / "copy.toml"
-    copy.write_text(text.replace('name = "Huang (2003), Table I"', ""), encoding="utf-8")
-    assert read_experiment(copy).digest == table1.digest
+    copy.write_text(TEXT.replace('name = "Huang (2003), Table I"', ""), encoding="utf-8")
+    assert read_experiment(copy).digest == TABLE1.digest
 
 
 @settings(max_examples=20)
@@ -240,13 +231,12 @@ def test_digest_covers_what_decides(path: str, table1: Experiment, tmp_path: Pat
     seed=st.integers(0, 2**31),
 )
 def test_any_values_are_those_of_a_file_that_says_so(
-    tmp_path: Path, sampled: Experiment, amplitudes: list[float], inertia: float, seed: int
+    tmp_path: Path, amplitudes: list[float], inertia: float, seed: int
 ):
     """Assert that set values give the same experiment as a file with these values."""
-    text = (FOLDER / "sampled_joint.toml").read_text(encoding="utf-8")
     written = tmp_path / "written.toml"
     written.write_text(
-        text.replace("[0.6, 0.3, 0.1]", repr(amplitudes))
+        SAMPLED.replace("[0.6, 0.3, 0.1]", repr(amplitudes))
         .replace("motor_inertia = 0.3 ", f"motor_inertia = {inertia!r} ")
         .replace("seed = 1", f"seed = {seed}")
         .replace("[run]", f"[initial_state]\nx1 = {inertia!r}\n[run]"),
@@ -255,7 +245,7 @@ def test_any_values_are_those_of_a_file_that_says_so(
     values = {"plant.motor_inertia": inertia, "sampling.seed": float(seed)}
     values["initial_state.x1"] = inertia
     values |= {f"reference.amplitudes.{i}": value for i, value in enumerate(amplitudes, 1)}
-    changed, expected = sampled.with_values(values), read_experiment(written)
+    changed, expected = SAMPLED_JOINT.with_values(values), read_experiment(written)
     assert changed.digest == expected.digest
     assert changed.sampling == expected.sampling
     assert changed.loop.parameters.tolist() == expected.loop.parameters.tolist()
@@ -264,9 +254,7 @@ def test_any_values_are_those_of_a_file_that_says_so(
 
 def variation(folder: Path, campaign: str) -> Variation:
     """Read Table I with a campaign."""
-    path = folder / "experiment.toml"
-    path.write_text(f"{TEXT}\n[campaign]\n{campaign}", encoding="utf-8")
-    found = read_experiment(path).variation
+    found = read_experiment(write(folder, f"{TEXT}\n[campaign]\n{campaign}")).variation
     assert found is not None
     return found
 

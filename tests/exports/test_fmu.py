@@ -9,6 +9,7 @@ import sys
 import zipfile
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import fmpy
 import numpy as np
@@ -16,8 +17,6 @@ import pytest
 from drive import HERE, run, tool
 from fmpy.build import build_platform_binary
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Slave
-from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
 import flexid
@@ -134,14 +133,8 @@ def opened(unit, folder, guid=None):
     """Return an initialised FMU, its value references by name, and two functions."""
     fmpy.extract(str(unit), str(folder))
     described = fmpy.read_model_description(str(unit))
-    kinds = {"2.0": FMU2Slave, "3.0": FMU3Slave}
-    slave = kinds[described.fmiVersion](
-        guid=guid or described.guid,
-        unzipDirectory=str(folder),
-        modelIdentifier=described.coSimulation.modelIdentifier,
-        instanceName="one",
-    )
-    slave.instantiate()
+    described.guid = guid or described.guid
+    slave: Any = fmpy.instantiate_fmu(str(folder), described, "CoSimulation")
     if described.fmiVersion == "2.0":
         slave.setupExperiment(startTime=0.0)
     slave.enterInitializationMode()
@@ -160,17 +153,15 @@ def test_a_kept_state_goes_on_as_it_was(units, version, tmp_path):
         getattr(slave, f"{verb}FMU{'State' if version == 3 else 'state'}")
         for verb in ("get", "set", "free")
     )
-    kept = keep()
-    put([places["u"]], [7.0])
-    for number in range(50):
-        slave.doStep(number * STEP, STEP)
-    there = get([places["x1"], places["x4"]])
-    restore(kept)
-    assert get([places["x4"], 0]) == [0.0, 0.0]
-    put([places["u"]], [7.0])
-    for number in range(50):
-        slave.doStep(number * STEP, STEP)
-    assert get([places["x1"], places["x4"]]) == there
+    kept, reached = keep(), []
+    for _ in range(2):
+        assert get([places["x4"], 0]) == [0.0, 0.0]
+        put([places["u"]], [7.0])
+        for number in range(50):
+            slave.doStep(number * STEP, STEP)
+        reached.append(get([places["x1"], places["x4"]]))
+        restore(kept)
+    assert reached[0] == reached[1] != [0.0, 0.0]
     free(kept)
     slave.reset()
     assert get([places["x4"], places["u"]]) == [0.0, 0.0]

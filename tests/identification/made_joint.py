@@ -62,6 +62,7 @@ def made(
     torque_noise: float = 0.0,
     size: float = 1.0,
     torque: Any = None,  # N m, a function of time that replaces the tones
+    motor_scale: float = 1.0,  # of the motor's encoder
     **more: float,
 ) -> Recording:
     """Return a recording (rad, N m, s) without the torque's noise; `more` are fields of `Drive`."""
@@ -90,7 +91,8 @@ def made(
         _LONGEST,
     )
     errors = noise * rng.standard_normal((2, len(times)))
-    return recording(times, link + errors[0], states[:, 2] + errors[1], torque(times), seed)
+    link, motor = link + errors[0], motor_scale * states[:, 2] + errors[1]
+    return recording(times, link, motor, torque(times), seed)
 
 
 def recording(

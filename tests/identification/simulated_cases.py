@@ -35,6 +35,7 @@ FOUND_AS = {
 
 NOT_REPORTED = {"held", "noise", "motor_coulomb_down", "stribeck_exponent", "bristle_static"}
 NOT_REPORTED |= {"bristle_stiffness", "saturation", "peak_torque", "torque_noise"}
+NOT_REPORTED |= {"size", "motor_scale"}
 
 DRY: dict[str, Any] = {"motor_coulomb_up": 1.0, "motor_coulomb_down": 1.0}
 STICTION: dict[str, Any] = {"motor_static": 0.6, "stribeck_velocity": 0.15}

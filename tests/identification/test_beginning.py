@@ -13,7 +13,7 @@ import flexid.identification.full_model.fits_by_length as fits_by_length
 import flexid.identification.full_model.starting as beginning
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
-from flexid.identification.full_model.fits_by_length import best_hold
+from flexid.identification.full_model.fits_by_length import FitsByLength, best_hold
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 SAMPLES = 320
@@ -217,7 +217,7 @@ def test_only_a_fit_that_converged_replaces_shorter_ones(monkeypatch, converged)
     monkeypatch.setattr(fits_by_length, "ending_with", lambda *_: ["all lengths"])
     monkeypatch.setattr(fits_by_length, "with_steps_refined", tuple)
     known: Any = best, "", ()
-    found = fits_by_length.with_best_hold([last], [], ("zero", "linear"), True, THRESHOLDS, known)
+    found = FitsByLength((), (), True, ("zero", "linear")).with_best_hold([last], known)
     assert found.found == ((best,) if converged else ("all lengths",))
 
 

@@ -56,21 +56,12 @@ def shares(directions: np.ndarray, found: doubts.Doubted) -> dict[str, float]:
     return {name: share for name, share in zip(NAMES, moved.tolist(), strict=True) if share}
 
 
-CHANGE = np.array([0.0, 0.0, -9.0, 0.0, 0.0, 0.0])  # 3 % of alpha1 by 1 % of the scale
 NOISE = np.array([0.0, 0.0, -30.0, 0.0, -0.3, 0.0])
-TWICE = np.outer([1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.15, 0.2])
 EARLY = {"is_voltage": True, "delay": -DELAY}
 SIDES = {**dict.fromkeys(LINK, 0.1), **dict.fromkeys(MOTOR, 0.2)}
 CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     (doubts.calibration, {}, dict.fromkeys(NAMES, 0.002)),
     (doubts.further_modes, {}, dict.fromkeys(LINK, 0.003)),
-    (doubts.cable, {"by_cable": TWICE}, {"theta1": 0.05}),
-    (doubts.cable, {}, {}),
-    (doubts.eccentric_encoders, {"by_eccentricity": TWICE}, {"theta1": 0.05}),
-    (doubts.eccentric_encoders, {}, {}),
-    # The uncertainty of a spring is at least that of the deflection sensor's scale.
-    (doubts.gauge_scale, {"by_gauge": CHANGE}, {"theta2": 0.02, "alpha1": 3.0 * 0.02}),
-    (doubts.gauge_scale, {}, {}),
     # Different scales of the encoders act like gravity.
     (doubts.scales_apart, {"apart": 0.02}, {**dict.fromkeys(NAMES, 0.02), "theta1": 0.02 * 21.0}),
     (doubts.scales_apart, {}, {}),
@@ -84,12 +75,7 @@ CASES: list[tuple[Any, dict[str, Any], dict[str, float]]] = [
     (doubts.play, {"by_play": 0.3}, dict.fromkeys(SPRINGS, 0.3 / ROOT)),
     (doubts.play, {}, {}),
     (doubts.another_law, {}, {}),
-    # Uniform between none of it and all.
-    (doubts.late_link, {"by_damping": CHANGE}, {"alpha1": 0.03 / ROOT}),
-    (doubts.late_link, {}, {}),
     (doubts.gear_efficiency, {}, {}),
-    (doubts.noise_of_the_input, {"by_noise": NOISE}, {"alpha1": 0.1, "beta1": 0.1}),
-    (doubts.noise_of_the_input, {}, {}),
     # The doubt is larger for a term with a smaller part in its balance, and largest for friction.
     (
         doubts.looks_like_a_term,
@@ -145,8 +131,9 @@ def test_what_depends_on_the_terms():
 
     A heavier balance changes no velocity. The motor's springs may be stiffer by half the squared
     friction of the load. A spring to the base explains different scales of encoders, unless there
-    is no motor's balance. Torque and reach of a hysteresis may both be larger by 15 %; what it
-    leaves of the link's acceleration, 10 %, may be the spring's.
+    is no motor's balance. As it is open which encoder is right, an error of scales is one of the
+    motor's balance, or of its spring alone. Torque and reach of a hysteresis may both be larger by
+    15 %; what it leaves of the link's acceleration, 10 %, may be the spring's.
     """
     moved = among(doubts.looks_like_the_acceleration, **VALUES, stribeck_velocity=1.0)
     assert moved.any(axis=1).tolist() == [True] * len(VALUES) + [False]
@@ -155,6 +142,10 @@ def test_what_depends_on_the_terms():
     assert moved[:, 0] == pytest.approx([0.0, 0.02 * 300.0, 0.0, 0.02 * 2.0])
     assert not among(doubts.scales_apart, **VALUES, theta_parallel=3.0).size
     assert among(doubts.scales_apart, theta2=100.0, theta_parallel=3.0).size
+    scaled = {"theta2": 100.0, "alpha1": 300.0, "alpha2": 2.0, "alpha_scale": 0.9}
+    moved = ROOT / 0.003 * among(doubts.scales_apart, **scaled)
+    assert moved[:, 0] == pytest.approx([0.0, 300.0, 2.0, 0.9])
+    assert moved[:, 1:].sum(axis=1) == pytest.approx([0.0, 300.0, 0.0, 0.0])
     moved = among(doubts.another_law, alpha1=300.0, alpha_hysteresis=2.0, hysteresis_grip=50.0)
     spring = 0.1 / np.sqrt(3.0) * 300.0
     assert moved == pytest.approx(np.array([[0.0, spring], [0.3, 0.0], [-7.5, 0.0]]))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_joint import JOINT, assert_holds, data, log, made, turned
+from made_joint import JOINT, assert_holds, data, log, made, pushed, seen, turned
 from simulated_cases import BENT, BRISTLES, DRY, HYSTERESIS, RIPPLED, SLID, STICTION, Case
 
 from flexid.arrays import to_json
@@ -33,6 +33,8 @@ PAPER = Settings(terms=PAPER_TERMS)
 LINK = Settings(model="link")
 
 LATE = {"input_delay": 3e-3, "link_delay": 0.7e-3}
+WEAK = {"motor_coulomb_up": 0.1, "motor_coulomb_down": 0.1, "motor_static": 0.05}
+WEAK |= {"stribeck_velocity": 0.8, "size": 0.15, "noise": 2e-4}
 ECCENTRIC: dict[str, Any] = {"eccentricity": 0.02, "eccentricity_phase": 0.6}  # rad
 TRANSMISSION = {
     "transmission_number": 10.0,
@@ -44,6 +46,8 @@ TRANSMISSION = {
 DAMPED = {**DRY, "held": True, "joint_damping": 0.4}
 SATURATION = {"saturation": 0.1, "peak_torque": 30.0}
 SATURATED = {"torque_saturation": 0.1 / 30.0**2}
+WRONG_SCALE = {"scale_error": 0.002 / 1.002}
+WRONG_SCALE |= {"motor_inertia": 0.3 / 1.002, "motor_viscous_friction": 0.2 / 1.002}
 LONG: dict[str, Any] = {"seconds": {3: 12.0}}
 
 CASES = {
@@ -62,12 +66,19 @@ CASES = {
     "friction that falls off": Case(
         {**DRY, **STICTION}, ("motor_coulomb", "motor_stribeck"), accuracy=0.03, **LONG
     ),
+    # A friction of the squared velocity explains this log nearly as well.
+    "friction that falls off in slow motion": Case(
+        WEAK, ("motor_coulomb", "motor_stribeck"), settings=Settings(hold="cubic"), accuracy=0.03
+    ),
     "a spring that hardens": Case({"cubic_stiffness": 2000.0}, ("cubic_stiffness",)),
     "friction of the load": Case(
         {**DRY, "load_friction": 0.05}, ("motor_coulomb", "load_friction"), seconds={2: 8.0}
     ),
     "a spring that stiffens": Case({"progressive_stiffness": 50.0}, ("progressive_spring",)),
     "a spring to the base": Case({"parallel_stiffness": 1.0}, ("parallel_spring",)),
+    "an error of scales": Case(
+        {"motor_scale": 1.002}, ("scale_error",), WRONG_SCALE, accuracy=1e-3
+    ),
     "a spring that remembers": Case(HYSTERESIS, ("spring_hysteresis",)),
     "a torque that saturates": Case(SATURATION, ("torque_saturation",), SATURATED),
     "an eccentric gear": Case(ECCENTRIC, ("eccentricity",), **LONG),
@@ -145,6 +156,20 @@ def test_springs_are_found_among_disturbances():
     truth |= {"progressive_stiffness": 50.0, "parallel_stiffness": 3.0}
     assert_holds(found, truth)
     assert {n: found.parameters[n].value for n in truth} == pytest.approx(truth, rel=0.02)
+
+
+def test_an_error_of_scales_is_found_among_disturbances():
+    """Assert the error, and narrow intervals of spring and gravity.
+
+    The first fit of all terms is in a wrong minimum, where removed terms seem to matter.
+    """
+    push = dict.fromkeys(("link_push", "motor_push"), 1.0)
+    shown = pushed(1, 12.0, gravity_torque=5.0, **push)
+    found = identify([log(seen(shown, 0.0 * shown.time, 0.005 * shown.motor_position))])
+    assert found.disturbances is not None
+    assert_holds(found, {"scale_error": 0.005}, 0.6)
+    assert_holds(found, {"joint_stiffness": 150.0}, 0.1)
+    assert_holds(found, {"gravity_torque": 5.0}, 0.4)
 
 
 def test_presliding_is_found_among_disturbances():

@@ -20,9 +20,7 @@ from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.structure.gap import as_wide_as_its_gap, half_gap, with_free_width
-from flexid.identification.vocabulary import silent
 from flexid.identification.vocabulary.evidence import Estimate
-from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import BACKLASH_WIDTH, PAPER_TERMS
 
 HALF_GAP = 4e-4  # rad
@@ -147,7 +145,7 @@ def test_without_play_there_is_no_contact():
         (removed, 0.0),
         (gap.as_wide(removed, HALF_GAP), 0.0),
     ):
-        constants = structure.joint.extended.constants
+        constants = structure.joint.systems[1].constants
         assert (constants["contact_deflection"], constants["spring_centre"]) == (contact, 0.1)
 
 
@@ -172,7 +170,7 @@ def test_half_the_way_may_lead_on(monkeypatch):
     tried = []
 
     def nowhere(_fitted, structure, *, steps):
-        tried.append(structure.joint.extended.constants[BACKLASH_WIDTH])
+        tried.append(structure.joint.systems[1].constants[BACKLASH_WIDTH])
 
     monkeypatch.setattr(gap, "fit_from", nowhere)
     assert as_wide_as_its_gap(first) is first
@@ -238,7 +236,7 @@ def test_a_start_with_play_must_promise_more_than_none(monkeypatch, count, promi
     monkeypatch.setattr(gap, "_starts", lambda *_: starts)
     monkeypatch.setattr(gap, "fit_by_length", fit_by_length)
     by_length = FitsByLength((without,), cast(Any, (range(count),)), True, ("cubic",), "")
-    assert gap.fit_with_play(by_length, (without,), silent, THRESHOLDS) is None
+    assert gap.fit_with_play(by_length, (without,)) is None
     assert asked == [promised]
 
 

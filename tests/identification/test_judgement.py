@@ -11,10 +11,9 @@ import flexid.identification.vocabulary.evidence as intervals
 from flexid.errors import SettingError
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.judgement import (
-    coefficient_estimates,
+    Judge,
     constant_estimates,
     judged_function,
-    parameter_estimates,
     verdict,
 )
 from flexid.identification.preparation.joint import flexible
@@ -96,10 +95,7 @@ def judged(
     found = np.array([*values.values()])
     spread = [(deviations or {}).get(name, 0.005 * abs(v)) for name, v in values.items()]
     estimate = Estimate(tuple(values), found, np.diag(np.square(spread)), (50.0,) * len(values))
-    coefficients = coefficient_estimates(estimate, JOINT, unknowns, sizes or {}, fixed or {}, "N m")
-    return coefficients, parameter_estimates(
-        JOINT, estimate, unknowns, coefficients, "N m", exact=exact
-    )
+    return Judge(JOINT, unknowns, "N m").judged(estimate, fixed or {}, sizes, exact)
 
 
 @pytest.mark.parametrize("theta2", [-100.0, -1e-3])
@@ -171,8 +167,7 @@ def test_slow_moves_know_the_whole_drive(width, known):
     found = np.outer(divided, divided) + np.diag(own**2)
     estimate = Estimate(tuple(values), np.array([*values.values()]), found, (50.0,) * 4)
     unknowns = JOINT.unknowns(JOINT.optional - {"alpha2"}, {})
-    coefficients = coefficient_estimates(estimate, JOINT, unknowns, {}, {}, "N m")
-    parameters = parameter_estimates(JOINT, estimate, unknowns, coefficients, "N m")
+    coefficients, parameters = Judge(JOINT, unknowns, "N m").judged(estimate, {})
     verdicts = {name: each.verdict for name, each in (coefficients | parameters).items()}
     expected = "undetermined" if known else "determined"
     assert {verdicts[name] for name in ("alpha2", "beta1", "motor_inertia")} == {expected}

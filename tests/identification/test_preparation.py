@@ -273,8 +273,9 @@ def test_terms_and_what_is_always_there_make_the_system(kind):
     """Assert that each coefficient belongs to one term, to the spring or to the input's gain."""
     joint = joint_of(kind)
     of_terms = [c for names in joint.terms.values() for c in names]
-    assert sorted([*of_terms, *ALWAYS[kind]]) == sorted(joint.remembering.coefficients)
-    assert joint.system.inputs == (("x3", "x4") if kind == "link" else ("u",))
+    assert sorted([*of_terms, *ALWAYS[kind]]) == sorted(joint.systems[2].coefficients)
+    assert joint.systems[0].inputs == (("x3", "x4") if kind == "link" else ("u",))
+    assert any(name.startswith("alpha") for name in joint.units) == (kind == "flexible")
 
 
 @pytest.mark.parametrize("term", ["joint_damping", "cubic_stiffness", "backlash", "eccentricity"])
@@ -303,12 +304,15 @@ def test_shapes_scale_with_the_motion():
     one, two = (FLEXIBLE.scaled([moving(size)]) for size in (1.0, 2.0))
     assert one.first["hysteresis_grip"] == pytest.approx(2.0 * two.first["hysteresis_grip"])
     width, smoothing = (
-        [getattr(joint, system).constants[name] for joint in (one, two)]
-        for system, name in (("extended", BACKLASH_WIDTH), ("smooth", "coulomb_velocity"))
+        [systems(joint).constants[name] for joint in (one, two)]
+        for systems, name in (
+            (lambda joint: joint.systems[1], BACKLASH_WIDTH),
+            (lambda joint: joint.smooth, "coulomb_velocity"),
+        )
     )
     assert 0.0 < 2.0 * width[0] == pytest.approx(width[1])
     assert 2.0 * smoothing[0] == pytest.approx(smoothing[1])
-    assert two.extended.digest == FLEXIBLE.extended.digest
+    assert two.systems[1].digest == FLEXIBLE.systems[1].digest
     samples = moving(1.0)
     assert samples.velocities is not None
     motor = replace(
@@ -321,7 +325,7 @@ def test_shapes_scale_with_the_motion():
 def test_given_smoothing_takes_the_place_of_dry_friction():
     """Assert that a Coulomb velocity makes friction smooth in every system, without shapes."""
     joint = FLEXIBLE.with_coulomb_velocity(0.01)
-    assert joint.system is joint.extended is joint.smooth
-    assert joint.system.constants["coulomb_velocity"] == 0.01
-    assert joint.system.digest == FLEXIBLE.smooth.digest
+    assert {*map(id, (*joint.systems, *joint.smoothed))} == {id(joint.smooth)}
+    assert joint.smooth.constants["coulomb_velocity"] == 0.01
+    assert joint.smooth.digest == FLEXIBLE.smooth.digest
     assert not joint.shapes

@@ -32,6 +32,16 @@ def test_neighbouring_grips_are_both_followed():
         assert grip - lower > shapes._APART * HYSTERETIC.resolution(joint, whole.data)
 
 
+@pytest.mark.parametrize("reach", [0.9, 1.1])
+def test_hysteresis_along_more_than_the_deflection_is_a_spring(reach: float):
+    """Assert that a reach is possible below the range of the deflection, and not above."""
+    whole = fitted(made(1, 10.0))
+    moved = float(np.ptp(whole.structure.joint.deflections(whole.data.samples)))
+    values = {SIZE: 0.1, "hysteresis_grip": 1.0 / (reach * moved)}
+    fit = made_fit(structure=whole.structure, data=whole.data, by_name=values)
+    assert HYSTERETIC.is_possible(fit) == (reach < 1.0)
+
+
 @pytest.mark.parametrize(
     ("before", "floor", "first", "last", "follows"),
     [
@@ -49,9 +59,9 @@ def test_what_explains_enough_is_followed(monkeypatch, before, floor, first, las
     """Assert that a fit is continued if its first steps reduce the residuals enough."""
     asked = []
 
-    def fit_from(fitted, structure, start=None, *, data=None, steps):
+    def fit_from(fitted, structure, start=None, *, steps):
         asked.append((steps, start or fitted.by_name, fitted.minimum.point.initial_states))
-        return last if data else first
+        return first if fitted is fit else last
 
     monkeypatch.setattr(fits_by_length, "fit_from", fit_from)
     first = made_fit(first.excess, by_name={"first": 1.0}, states="there")

@@ -103,13 +103,13 @@ def test_no_velocity_is_sought_that_friction_takes_in_a_sample(monkeypatch):
     monkeypatch.setattr(shapes, "_promised", lambda _, own: asked.append(own) or len(asked))
     monkeypatch.setattr(shapes, "sampled", lambda fit: fit)
     monkeypatch.setattr(shapes, "explained_by", lambda *a: first if a[-1](first) else None)
-    monkeypatch.setattr(FitsByLength, "longer", lambda *_: [])
+    monkeypatch.setattr(FitsByLength, "onward", lambda _, first: [first])
     monkeypatch.setattr(FitsByLength, "with_term", lambda *_: by_length)
     by_length = by_length_of(first, divisions=(first.problem.segments,))
     for least, follows in ((0.23, False), (0.14, True)):  # the fit has 0.15
         asked.clear()
         shape = replace(STRIBECK, least=lambda _, own=least: own)
-        found = fit_with_shape(shape, by_length, first, [], lambda _: None, THRESHOLDS)
+        found = fit_with_shape(shape, by_length, first, [])
         assert (found is not None) == follows
         assert min(STRIBECK.of(own) for own in asked) > least
     assert min(STRIBECK.candidates(first.structure, first.data)) < 0.14
@@ -322,11 +322,11 @@ def test_which_constants_are_followed(monkeypatch, promises, holding, begun, cho
     monkeypatch.setattr(shapes, "_promised", lambda _, s: promises[shape.of(s)])
     monkeypatch.setattr(shapes, "sampled", lambda fit: fit)
     monkeypatch.setattr(shapes, "explained_by", explained_by)
-    monkeypatch.setattr(FitsByLength, "longer", lambda *_: [])
+    monkeypatch.setattr(FitsByLength, "onward", lambda _, first: [first])
     monkeypatch.setattr(FitsByLength, "with_term", lambda *_: by_length)
     monkeypatch.setattr(shapes, "fit_from", fit_from)
     rivals = [over(*chosen)] if chosen else []
-    found = fit_with_shape(shape, by_length, before, rivals, lambda _: None, THRESHOLDS)
+    found = fit_with_shape(shape, by_length, before, rivals)
     assert tried == begun
     assert (found is not None) == follows
 
@@ -360,13 +360,13 @@ def test_the_likeliest_law_stays(monkeypatch, excess, slow, size, tried, ended):
     monkeypatch.setattr(shapes, "fit_like", fit_like)
     monkeypatch.setattr(shapes, "_explaining", lambda *_: [first])
     monkeypatch.setattr(
-        FitsByLength, "longer", lambda _, fit, __: [over(1, fit.excess, fit.structure)]
+        FitsByLength, "onward", lambda _, fit: [fit, over(1, fit.excess, fit.structure)]
     )
-    monkeypatch.setattr(FitsByLength, "with_term", lambda _, found, __: found)
+    monkeypatch.setattr(FitsByLength, "with_term", lambda _, found: found)
     by_length = by_length_of(first)
     rises = {"is_possible": lambda fitted: fitted.by_name.get("alpha_stribeck", 1.0) > 0.0}
     shape = replace(STRIBECK, least=lambda _: 0.0, **rises)
-    found: Any = fit_with_shape(shape, by_length, first, [], lambda _: None, THRESHOLDS)
+    found: Any = fit_with_shape(shape, by_length, first, [])
     assert starts == tried
     assert [law(fit.structure) for fit in found] == ended
 
@@ -393,10 +393,9 @@ def test_a_requested_constant_begins_fixed(monkeypatch, promise, costs, chosen):
 
     monkeypatch.setattr(shapes, "_promised", lambda *_: promise)
     monkeypatch.setattr(shapes, "fit_by_length", fit_by_length)
-    monkeypatch.setattr(FitsByLength, "longer", lambda *_: [])
-    monkeypatch.setattr(FitsByLength, "with_term", lambda _, found, __: found)
-    rest = by_length_of(before), lambda _: None, THRESHOLDS
-    found: Any = shapes.fit_requested_shapes([shape], *rest)
+    monkeypatch.setattr(FitsByLength, "onward", lambda _, first: [first])
+    monkeypatch.setattr(FitsByLength, "with_term", lambda _, found: found)
+    found: Any = shapes.fit_requested_shapes([shape], by_length_of(before))
     assert starts == [(-1.0, NUMBER), (0, None)][: len(costs)]
     assert found == [fits[chosen]]
 
@@ -413,7 +412,6 @@ CASES = {
         {"bend": 0.5, "bend_stiffness": -35.0, "noise": 1e-4},
         ("bent_spring",),
         seconds={2: 10.0},
-        accuracy=1e-3,
     ),
     # The first step favours the other law.
     "requested friction, whose law is that of the better fit": Case(
@@ -461,7 +459,7 @@ def test_the_requested_term_that_explains_the_most_comes_first(monkeypatch):
     leaves = {RIPPLE.words: 0.5, STRIBECK.words: 0.2, BEND.words: 0.7}
     order, again = [], []
 
-    def with_best_law(shape, _, by_length, __):
+    def with_best_law(shape, _, by_length):
         order.append(shape)
         return by_length
 
@@ -473,7 +471,7 @@ def test_the_requested_term_that_explains_the_most_comes_first(monkeypatch):
     monkeypatch.setattr(shapes, "_with_best_law", with_best_law)
     monkeypatch.setattr(shapes, "_with_likelier_law", with_likelier_law)
     asked = (RIPPLE, STRIBECK, BEND)
-    shapes.fit_requested_shapes(asked, by_length_of(fit), lambda _: None, THRESHOLDS)
+    shapes.fit_requested_shapes(asked, by_length_of(fit))
     assert order == [STRIBECK, RIPPLE, BEND]
     assert again == [STRIBECK, RIPPLE]
 
@@ -507,7 +505,7 @@ def test_where_nothing_moves_nothing_is_sought(plain, shape):
     still = replace(plain, data=data)
     by_length = by_length_of(still, divisions=(still.problem.segments,))
     with pytest.raises(ConvergenceError, match=shape.words):
-        shapes.fit_requested_shapes([shape], by_length, lambda _: None, THRESHOLDS)
+        shapes.fit_requested_shapes([shape], by_length)
 
 
 def test_stribeck_friction_falls_within_the_motors_velocities(plain):

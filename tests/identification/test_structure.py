@@ -256,8 +256,8 @@ def test_steps_need_not_end_where_the_log_is_explained(monkeypatch, explained, s
     monkeypatch.setattr(choice_module, "shows_saturation", lambda _: saturates)
     monkeypatch.setattr(choice_module, "fit_like", lambda *_: None)
     monkeypatch.setattr(choice_module, "fit_from", fit_from)
-    by_length: Any = SimpleNamespace(found=(narrow,), holds=("zero",))
-    wider, _ = choice_module._wider(narrow, by_length, THRESHOLDS)
+    by_length = FitsByLength((narrow,), (), True, ("zero",))
+    wider, _ = choice_module._wider(narrow, by_length)
     assert (wider is not narrow) == explained
 
 
@@ -310,7 +310,7 @@ def test_only_what_may_stand_is_made_leaner(monkeypatch, fitted, stands):
 
     def choose(*, exact):
         by_length = FitsByLength((fitted,), (), False, ("cubic",), "", exact=exact)
-        return choice_module.choose_structure(by_length, (), False, lambda _: None)
+        return choice_module.choose_structure(by_length, (), with_shapes=False)
 
     monkeypatch.setattr(choice_module, "eliminate", lambda *_: 1 / 0)
     for exact in (True, False):
@@ -330,7 +330,7 @@ def test_a_leaner_fit_may_take_rough_steps(monkeypatch):
     ):
         monkeypatch.setattr(choice_module, name, stub)
     by_length = FitsByLength((full,), (), False, ("cubic",), "", exact=True)
-    assert choice_module.choose_structure(by_length, (), False, lambda _: None).structure is leaner
+    assert choice_module.choose_structure(by_length, (), with_shapes=False).structure is leaner
 
 
 @pytest.mark.parametrize(
@@ -354,7 +354,7 @@ def test_what_cannot_stand_leads_to_no_longer_segments(monkeypatch, excesses, ex
     monkeypatch.setattr(fitting, "over_longer", lambda _, longer, __: fits[len(longer)])
     divisions: Any = tuple(map(range, duration_of))
     by_length = FitsByLength((), divisions, True, ("cubic",), "", exact=exact)
-    found = [fits[8], *by_length.longer(fits[8], THRESHOLDS)]
+    found = by_length.onward(fits[8])
     assert [fit.duration for fit in found] == lengths
 
 

@@ -250,9 +250,9 @@ def test_threads_wait_for_each_other(cache: Path) -> None:
 FOLDER = Path(store.__file__).parent / "derived"
 JOINT, STIFF = flexible(), rigid()
 KERNELS = [
-    ("estimators.segmented_motion", "motion_kernel", JOINT.system),
-    ("estimators.segmented_motion", "motion_kernel", JOINT.extended),
-    ("estimators.segmented_motion", "motion_kernel", STIFF.system),
+    ("estimators.segmented_motion", "motion_kernel", JOINT.systems[0]),
+    ("estimators.segmented_motion", "motion_kernel", JOINT.systems[1]),
+    ("estimators.segmented_motion", "motion_kernel", STIFF.systems[0]),
     ("kernels.store", "model_kernel", "signals", JOINT.smooth),
     ("kernels.store", "model_kernel", "signals", STIFF.smooth),
 ]

@@ -41,6 +41,8 @@ KINDS = {
     "lists": lambda arrays: {name: values.tolist() for name, values in arrays.items()},
     "polars": pl.DataFrame,
     "pandas": pd.DataFrame,
+    "an index": lambda arrays: pd.DataFrame(arrays).set_index(NAMES[0]),
+    "a column as index": lambda arrays: pd.DataFrame(arrays).set_index(NAMES[0], drop=False),
     "pyarrow": lambda arrays: pa.table({n: pa.array(v) for n, v in arrays.items()}),
 }
 
@@ -68,16 +70,6 @@ def test_a_column_map_serves_a_frame(arrays, tmp_path):
         (found,) = flexid.read_log(frame, columns=columns).recordings
         link = found.needed_link_position
         np.testing.assert_allclose(link, wanted.needed_link_position, rtol=1e-15)
-
-
-def test_an_index_with_a_name_is_a_column(arrays):
-    """Assert that the time may be the index of a pandas frame."""
-    frame = pd.DataFrame(arrays)
-    expected = flexid.read_log(frame).recordings[0]
-    (found,) = flexid.read_log(frame.set_index(NAMES[0])).recordings
-    np.testing.assert_array_equal(found.time, expected.time)
-    kept = frame.set_index(NAMES[0], drop=False)
-    np.testing.assert_array_equal(flexid.read_log(kept).recordings[0].time, expected.time)
 
 
 def test_the_same_data_twice_are_known(arrays):

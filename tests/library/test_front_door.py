@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -144,24 +145,10 @@ def test_whoever_calls_gets_one_thread(examples, call):
     assert done.stdout.split() == ["1", "as", "before"]
 
 
-class Limits:
-    """Stand-in for the library that limits threads, with a count of calls."""
-
-    made = 0
-    restored = 0
-
-    def __init__(self, limits, user_api):
-        assert (limits, user_api) == (1, "blas")
-        type(self).made += 1
-
-    def restore_original_limits(self):
-        """Count the call."""
-        type(self).restored += 1
-
-
 def test_calls_at_once_share_a_limit(monkeypatch):
     """Assert that overlapping calls share one limit, removed by the last to end."""
-    monkeypatch.setattr("threadpoolctl.threadpool_limits", Limits)
+    limits = Mock()
+    monkeypatch.setattr("threadpoolctl.threadpool_limits", limits)
     first_is_in, second_is_in = threading.Event(), threading.Event()
 
     def first():
@@ -175,5 +162,6 @@ def test_calls_at_once_share_a_limit(monkeypatch):
     with one_thread():
         second_is_in.set()
         thread.join()
-        assert (Limits.made, Limits.restored) == (1, 0)
-    assert (Limits.made, Limits.restored) == (1, 1)
+        limits.assert_called_once_with(limits=1, user_api="blas")
+        limits.return_value.restore_original_limits.assert_not_called()
+    limits.return_value.restore_original_limits.assert_called_once_with()

@@ -1,6 +1,7 @@
-"""The child process that reads files: for any failure, a log or one sentence."""
+"""Formats of files, and the child process that reads them: a log or one sentence."""
 
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from tests.recording.joint_log import refused
 
 from flexid.errors import RecordingError
 from flexid.readers import formats, guard
-from flexid.readers.formats import Format
+from flexid.readers.formats import FORMATS, Format, format_of, kinds, looks_like, suffixes
 from flexid.readers.guard import Limits, Reading
 from flexid.recording.read import table_of_file, tables_of_file
 
@@ -151,3 +152,30 @@ def test_without_a_package(tmp_path: Path, monkeypatch: Any, package: str, name:
     (tmp_path / name).write_bytes(b"anything")
     words = f"read by {package}, which is not installed: pip install 'flexid[{extra}]'"
     assert words in refused(table_of_file, tmp_path / name, None)
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "logs.md"
+
+
+@pytest.mark.parametrize("one", FORMATS, ids=lambda one: one.name)
+def test_a_format(one: Format):
+    """Assert that a format has a function, its own suffixes, and a row in the docs."""
+    assert callable(import_module(one.module).read)
+    for suffix in one.suffixes:
+        assert format_of(Path(f"log{suffix.upper()}")) == one
+        assert sum(suffix in other.suffixes for other in FORMATS) == 1
+        assert f"`{suffix}`" in PAGE.read_text(encoding="utf-8").partition("\n## Other formats")[2]
+    assert one.name in kinds()
+    assert {*one.suffixes} <= {*suffixes()}
+    assert all(looks_like(magic + b"more") == one for magic in one.magic)
+
+
+def test_what_is_no_format(tmp_path: Path):
+    """Assert that other files are text, and that a folder has the format of the bags in it."""
+    assert format_of(Path("log.csv")) is None
+    assert looks_like(b"time,motor_position\n") is None
+    assert format_of(tmp_path) is None
+    (tmp_path / "a.db3").write_bytes(b"")
+    found = format_of(tmp_path)
+    assert found is not None
+    assert found.name == "ROS 2 bag"

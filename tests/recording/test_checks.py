@@ -103,22 +103,15 @@ def test_channels_that_make_no_sense(golden: Any) -> None:
     golden({name: said(read_columns, columns) for name, columns in CASES.items()})
 
 
-@pytest.mark.parametrize("unit", ["rad", "deg"])
 @pytest.mark.parametrize("low", [-np.pi, -1e-9])
-def test_wraps_are_undone(low: float, unit: str) -> None:
+def test_wraps_are_undone(low: float) -> None:
     """Assert that jumps of an absolute encoder by a turn are undone, with a warning for each."""
     time = 0.005 * np.arange(800)
     motor = 8.0 * np.sin(1.5 * time)
     deflection = 0.1 * np.sin(4.0 * time)
-    factor = DEGREES if unit == "deg" else 1.0
-    log = read_columns(
-        {
-            "time": time,
-            f"link_position [{unit}]": factor * (low + np.mod(motor + deflection - low, TURN)),
-            f"motor_position [{unit}]": factor * (low + np.mod(motor - low, TURN)),
-            "motor_torque": np.cos(time),
-        }
-    )
+    wrapped = [low + np.mod(turned - low, TURN) for turned in (motor + deflection, motor)]
+    positions = dict(zip(("link_position", "motor_position"), wrapped, strict=True))
+    log = read_columns({"time": time, **positions, "motor_torque": np.cos(time)})
     (recording,) = log.recordings
     np.testing.assert_allclose(recording.motor_position, motor, atol=1e-8)
     np.testing.assert_allclose(recording.deflection, deflection, atol=1e-8)
@@ -225,15 +218,18 @@ def let_down() -> dict[str, FloatArray]:
     return {"time": CLOCK, "motor_position": angle, "motor_torque": torque}
 
 
-def pushed() -> dict[str, FloatArray]:
-    """Return a pushed link, whose spring moves a motor without friction under a small torque."""
+def pushed(gain: float = 0.0) -> dict[str, FloatArray]:
+    """Return a pushed link, whose spring moves a motor without friction under a small torque.
+
+    A controller with a `gain` adds that multiple of the spring's torque.
+    """
     motor = np.array([np.sin(w * CLOCK + k) / w for k, w in enumerate(LOW)])
-    torque = 0.01 * np.sin(3.7 * CLOCK)
-    link = (1.0 - M * np.square(LOW) / K) @ motor - torque / K
-    link, motor = (
-        RESOLUTION * np.rint(values / RESOLUTION) for values in (link, motor.sum(axis=0))
-    )
-    return {"time": CLOCK, "link_position": link, "motor_position": motor, "motor_torque": torque}
+    disturbance = 0.01 * np.sin(3.7 * CLOCK)
+    moved = motor.sum(axis=0)
+    spring = (-M * np.square(LOW) @ motor - disturbance) / (1.0 + gain)
+    sides = {"link_position": moved + spring / K, "motor_position": moved}
+    rounded = {name: RESOLUTION * np.rint(side / RESOLUTION) for name, side in sides.items()}
+    return {"time": CLOCK, **rounded, "motor_torque": disturbance + gain * spring}
 
 
 RIGHT: Mapping[str, Mapping[str, FloatArray]] = {
@@ -248,6 +244,7 @@ RIGHT: Mapping[str, Mapping[str, FloatArray]] = {
     "a load that pulls against the torque": without(driven(*BETWEEN), "link"),
     "a load that is let down": let_down(),
     "a link that is pushed": pushed(),
+    "a link that is pushed, with a motor that helps": pushed(gain=1.0),
 }
 
 

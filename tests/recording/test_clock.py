@@ -90,12 +90,7 @@ LATE = [t + 13 * HOUR * (k >= 200) for k, t in enumerate(MOMENTS)]
 DECIMALS = [f"{1_714_557_600 + k // 5_000}.{2 * (k % 5_000):04d}" for k in range(COUNT)]
 
 
-def with_eighth(stamps: list[str], cell: str) -> list[str]:
-    """Return valid time stamps except one, in line 9."""
-    return [*stamps[:7], cell, *stamps[8:]]
-
-
-EIGHTH = {  # one among valid ones: formats, zones and centuries must agree
+EIGHTH = {  # one among valid ones, in line 9: formats, zones and centuries must agree
     **dict.fromkeys(
         ["", "2024-05-01", "2024-05-01 23:59:59.9514", "2024-05-01T23:59:59.9514"], ISO
     ),
@@ -118,7 +113,7 @@ NONE_IS_READ: dict[str, list[Any]] = {
     "a point at the end": ["2024-05-01T10:00:00."] * COUNT,
     "hyphens": ["01-05-2024 10:00:00"] * COUNT,
     "dates in Parquet": [t.date() for t in MOMENTS],
-    **{f"an eighth {cell!r}": with_eighth(stamps, cell) for cell, stamps in EIGHTH.items()},
+    **{f"an eighth {cell!r}": [*all_[:7], cell, *all_[8:]] for cell, all_ in EIGHTH.items()},
     "empty cells first": ["", " ", *ISO[2:]],
 }
 

@@ -186,13 +186,6 @@ def test_what_is_said_of_texts(here: Path, golden: Any) -> None:
     golden({name: said(read_log, written(Path(), text)) for name, text in (READ | OTHERS).items()})
 
 
-def test_two_rates_in_one_table(tmp_path: Path) -> None:
-    """Assert that rows without one sensor's value are dropped, which gives the slower rate."""
-    (recording,) = read_log(written(tmp_path, with_holes(""))).recordings
-    for name in ("link_position", "motor_position"):
-        np.testing.assert_allclose(getattr(recording, name), COLUMNS[name][::2], atol=1e-12)
-
-
 def without_values(**places: Any) -> dict[str, Any]:
     """Return the log with missing values."""
     columns = {name: values.copy() for name, values in COLUMNS.items()}

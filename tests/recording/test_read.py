@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 import flexid
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
-from flexid.recording import Log, read_log
+from flexid.recording import read_log
 from flexid.recording.series import overview
 
 CHANNELS = ("link_position", "motor_position", "link_velocity", "motor_velocity")
@@ -93,24 +93,8 @@ def late_stamps(kind: str, steps: float) -> FloatArray:
     return np.sort(0.005 * (np.arange(2000) + np.minimum(late, 3.0))).astype(np.float64)
 
 
-@pytest.mark.parametrize(
-    ("kind", "steps"), [("uniform", 0.1), ("uniform", 0.9), ("exponential", 0.3)]
-)
-def test_late_stamps_of_even_samples_move_none(kind: str, steps: float) -> None:
-    """Assert that the smoothness of positions shows even sampling, and no sample is changed."""
-    columns = joint_columns(2000) | {"time": late_stamps(kind, steps)}
-    log = read_columns(columns)
-    (recording,) = log.recordings
-    np.testing.assert_array_equal(recording.link_position, columns["link_position"])
-    assert recording.sample_time == pytest.approx(0.005, rel=1e-4)
-    assert "the positions are smoother at even times, so these were taken" in log.warnings[0]
-
-
-def test_gaps_and_losses() -> None:
-    """Assert both sides of a gap as from two files, and a log without a quarter of its samples."""
-    log = read_columns(rows(np.r_[0:150, 190:400]))
-    parts = [read_columns(rows(np.r_[a:b])).recordings[0] for a, b in ((0, 150), (190, 400))]
-    assert_equal_logs(log, Log(tuple(parts), (), "", ""))
+def test_a_quarter_of_the_samples_is_lost() -> None:
+    """Assert that lost samples are interpolated."""
     kept = np.sort(np.random.default_rng(9).choice(2000, 1500, replace=False))
     columns = {name: values[kept] for name, values in jittered(0.0).items()}
     log = read_columns(columns)
@@ -181,6 +165,10 @@ SAID: dict[str, dict[str, FloatArray]] = {
     "nineteen between gaps": rows(NINETEENS),
     "much jitter": jittered(0.22),
     "the same in milliseconds": coarse(jittered(0.22)),
+    **{
+        f"stamps late by {steps} {kind}": joint_columns(2000) | {"time": late_stamps(kind, steps)}
+        for kind, steps in (("uniform", 0.1), ("uniform", 0.9), ("exponential", 0.3))
+    },
     "times of events": jittered(0.0) | {"time": np.cumsum(5e-3 * RNG.pareto(1.2, 2000))},
     "5 kHz in milliseconds": coarse(joint_columns(sample_time=1.0 / 5000.0)),
     "a slower rate": rows(np.r_[0:200, 200:400:4]),

@@ -1,12 +1,12 @@
 """Logs that were joined without a trace in the time are cut at the seam, and others are not."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
-from joint_log import joint_columns, read_columns, without
+from joint_log import joint_columns, read_columns, said, without
 
-from flexid import RecordingError
 from flexid.arrays import FloatArray
 from flexid.recording import Log
 from flexid.recording.frame import table_of_arrays
@@ -51,46 +51,11 @@ def test_joined_logs_are_cut_at_the_seam(seam: float, left_out: str):
     assert "at 6 s), as where logs were joined, so the log was cut there" in warning
 
 
-def test_a_short_log_may_have_one_seam():
-    """Assert that a log is cut that is shorter than what many jumps must be apart."""
-    log = read_columns({name: v[COUNT - 200 : COUNT + 200] for name, v in joined().items()})
-    assert [len(one) for one in log.recordings] == [200, 200]
-
-
 def counted(period: float) -> Columns:
     """Return a joint whose motor counts from -period / 2 to period / 2, in rad."""
     found = shifted(lambda t: 0.25 * t + 0.1 * np.sin(t))
     motor = found["motor_position"]
     return found | {"motor_position": (motor + 0.5 * period) % period - 0.5 * period}
-
-
-@pytest.mark.parametrize("left_out", ["link", "nothing"])
-def test_a_counter_that_overflows_is_no_seam(left_out: str):
-    """Assert that a jump over most of a position's range is refused, or cuts nothing."""
-    with pytest.raises(RecordingError, match="which is not a whole turn of an encoder"):
-        read_columns(without(counted(4.0), left_out))
-    log = read_columns(without(counted(2.6), left_out))
-    assert len(log.recordings) == 1
-    assert not about_jumps(log)
-    assert any("if a counter overflows, unwrap it" in text for text in log.warnings)
-
-
-def test_an_overflow_among_other_jumps_is_no_seam():
-    """Assert that both positions of joined logs must jump alike if one jumps that far."""
-    found = counted(2.6)
-    overflow = int(np.argmax(np.abs(np.diff(found["motor_position"]))))
-    found["link_position"][overflow + 1 :] -= 0.3
-    log = read_columns(found)
-    assert len(log.recordings) == 1
-    assert not about_jumps(log)
-
-
-def test_a_deflection_may_go_on_at_a_seam():
-    """Assert that the motor alone shows a seam if the link is known by its deflection."""
-    found = joined()
-    deflection = WHOLE["link_position"] - WHOLE["motor_position"]
-    log = read_columns(without(found, "link") | {"deflection": deflection})
-    assert [len(one) for one in log.recordings] == [COUNT, COUNT]
 
 
 @pytest.mark.parametrize("which", [0, 1])
@@ -102,36 +67,6 @@ def test_a_seam_of_one_joint_cuts_the_logs_of_all(which: int):
         assert [len(one) for one in log.recordings] == [COUNT, COUNT]
     assert about_jumps(logs[which])
     assert not about_jumps(logs[1 - which])
-
-
-def test_a_gap_at_the_seam_is_named_once():
-    """Assert that logs joined with a pause are cut by the time, without a warning of a jump."""
-    found = joined()
-    found["time"] = TIME + 2.0 * (TIME > (COUNT - 0.5) * STEP)
-    log = read_columns(found)
-    assert len(log.recordings) == 2
-    assert not about_jumps(log)
-
-
-def test_a_position_may_change_across_a_gap_only():
-    """Assert that a link that is clamped at two places has no seam."""
-    second = TIME > (COUNT - 0.5) * STEP
-    log = read_columns(WHOLE | {"time": TIME + 1.0 * second, "link_position": 0.3 * second})
-    assert len(log.recordings) == 2
-    assert not about_jumps(log)
-
-
-@pytest.mark.parametrize("slipped", ENCODERS)
-def test_one_encoder_that_slips_cuts_nothing(slipped: str):
-    """Assert that a jump of one encoder, in fast motion, is another fault with its own warning."""
-    found = joined(0.0)
-    fastest = np.argmax(np.abs(np.diff(found[slipped])))
-    found[slipped][fastest + 1 :] += 0.3
-    log = read_columns(found)
-    assert len(log.recordings) == 1
-    (warning,) = about_jumps(log)
-    assert f"{slipped} jumps within one sample (by up to 0.3" in warning
-    assert "as if the encoder slipped" in warning
 
 
 def shifted(motion: Callable[[FloatArray], FloatArray], bits: int = 0) -> Columns:
@@ -164,19 +99,9 @@ def held(columns: Columns, every: int) -> Columns:
     return columns | {name: columns[name][last] for name in ENCODERS}
 
 
-def moved_once(time: FloatArray) -> FloatArray:
-    """Return a joint that rests, and moves within 0.25 s."""
-    return 0.3 * np.sin(0.5 * np.pi * np.clip(4.0 * time - 20.0, 0.0, 1.0)) ** 2
-
-
 def stepped(size: float, every: float) -> Callable[[FloatArray], FloatArray]:
     """Return a slow motion with steps within one sample, as dry friction causes them."""
     return lambda time: 0.3 * np.sin(0.5 * time) + size * np.floor(time / every)
-
-
-def slips(time: FloatArray) -> FloatArray:
-    """Return a motion that sticks, and slips by 0.1 rad within three samples, again and again."""
-    return 0.1 * np.floor(time) + 0.1 * np.clip((time % 1.0) / (3.0 * STEP), 0.0, 1.0)
 
 
 def kicked(time: FloatArray) -> FloatArray:
@@ -185,18 +110,38 @@ def kicked(time: FloatArray) -> FloatArray:
     return 0.05 * np.exp(-3.0 * after) * np.sin(190.0 * after)
 
 
-def released(time: FloatArray) -> FloatArray:
-    """Return a joint that is released from a clamp, and decays."""
-    return 0.3 * np.cos(25.0 * np.maximum(time - 2.0, 0.0)) * np.exp(-np.maximum(time - 2.0, 0.0))
+def jumping(found: Columns, fastest: str, jumps: str, by: float) -> Columns:
+    """Return a log in which one position jumps where one is fastest."""
+    place = int(np.argmax(np.abs(np.diff(found[fastest]))))
+    found[jumps][place + 1 :] += by
+    return found
 
 
-SMOOTH: dict[str, Columns] = {
+SECOND = TIME > (COUNT - 0.5) * STEP
+BENT = WHOLE["link_position"] - WHOLE["motor_position"]
+LOGS: dict[str, Columns] = {
+    "a seam in a short log": {n: v[COUNT - 200 : COUNT + 200] for n, v in joined().items()},
+    "one of a motor whose deflection goes on": without(joined(), "link") | {"deflection": BENT},
+    "one with a pause": joined() | {"time": TIME + 2.0 * SECOND},
+    "a link that is clamped at two places": WHOLE
+    | {"time": TIME + 1.0 * SECOND, "link_position": 0.3 * SECOND},
+    "a counter that overflows": counted(2.6),
+    "one of a motor alone": without(counted(2.6), "link"),
+    "one of another range": counted(4.0),
+    "that of a motor alone": without(counted(4.0), "link"),
+    "an overflow among other jumps": jumping(counted(2.6), ENCODERS[1], ENCODERS[0], -0.3),
+    **{f"a slip of {name}": jumping(joined(0.0), name, name, 0.3) for name in ENCODERS},
     "a whole log": joined(0.0),
     "coarse encoders": shifted(lambda t: 0.4 * np.sin(2.0 * t), 9),
-    "stick and slip": shifted(slips),
+    # It slips by 0.1 rad within three samples, again and again.
+    "stick and slip": shifted(
+        lambda t: 0.1 * np.floor(t) + 0.1 * np.clip((t % 1.0) / (3.0 * STEP), 0.0, 1.0)
+    ),
     "a struck joint": shifted(kicked),
     "a struck joint with coarse encoders": shifted(kicked, 12),
-    "a free decay": shifted(released),
+    "a free decay": shifted(
+        lambda t: 0.3 * np.cos(25.0 * np.maximum(t - 2.0, 0.0)) * np.exp(-np.maximum(t - 2.0, 0.0))
+    ),
     "a sudden stop": shifted(lambda t: np.minimum(2.0 * t, 3.0 + 0.01 * np.sin(t))),
     "turns": shifted(lambda t: np.mod(1.5 * t + 1.0, 2.0 * np.pi)),
     "steps again and again": shifted(stepped(0.1, 1.0)),
@@ -206,13 +151,12 @@ SMOOTH: dict[str, Columns] = {
     **{f"{count} lost samples": without_samples(count) for count in (1, 3)},
     **{f"{count} samples displaced": displaced(count) for count in (1, 2, 5)},
     **{f"readings in every {every}th sample": held(joined(0.0), every) for every in (5, 40)},
-    "a move that is read slowly": held(shifted(moved_once), 12),
+    "a move within 0.25 s that is read slowly": held(
+        shifted(lambda t: 0.3 * np.sin(0.5 * np.pi * np.clip(4.0 * t - 20.0, 0.0, 1.0)) ** 2), 12
+    ),
 }
 
 
-@pytest.mark.parametrize("name", SMOOTH)
-def test_what_is_no_seam(name: str):
-    """Assert that a motion with impacts, and other faults of a log, are neither cut nor named."""
-    log = read_columns(SMOOTH[name])
-    assert not about_jumps(log)
-    assert len(log.recordings) == 1
+def test_seams_and_other_jumps(golden: Any):
+    """Assert that logs are cut at seams, and not by impacts, slips, overflows and other faults."""
+    golden({name: said(read_columns, columns) for name, columns in LOGS.items()})

@@ -77,9 +77,7 @@ def test_a_lead_changes_no_voltage(unit: str) -> None:
 def test_a_slide_that_jumps_by_metres_has_made_no_turn() -> None:
     """Assert that 2π m are not subtracted as a turn, in a log with a lead or in a stream."""
     jumps = MOTOR + 2.0 * np.pi * (TIME > 2.0)
-    found, period = without_wraps(TIME, jumps, LEAD, "prismatic")
-    assert period == 0.0
-    assert found == pytest.approx(jumps, abs=1e-12)
+    np.testing.assert_array_equal(without_wraps(TIME, jumps, LEAD, "prismatic")[0], jumps)
     samples = np.column_stack((TIME, LINK + 10.0, jumps, FORCE))
     guard = Guard(WatchOptions(0.002, (), joint_type="prismatic"))
     state, _, rows, _ = guard.guard(guard.first_state(), samples)

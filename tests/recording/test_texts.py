@@ -66,11 +66,6 @@ def scaled(line: str) -> str:
     return f"{1e6 * float(time):.0f},{others}"
 
 
-def whole(line: str) -> str:
-    """Return a row of whole numbers with thousands separators."""
-    return ";".join(f"{round(1e4 * float(cell)):,}" for cell in line.split(","))
-
-
 def below(line: str) -> joint_log.Change:
     """Add a line below the header."""
     return lambda text: text.replace("\n", f"\n{line}\n", 1)
@@ -163,7 +158,9 @@ REFUSED: dict[str, joint_log.Change] = {
     "blanks between thousands": grouped(" "),
     "commas between thousands": grouped(","),
     "points between thousands": grouped(".", ","),
-    "whole thousands": lambda text: rows(whole)(text).replace(",", ";", 3),
+    "whole thousands": lambda text: cells(lambda cell: f"{round(1e4 * float(cell)):,}", ";")(
+        text
+    ).replace(",", ";", 3),
     "hexadecimal": cells(lambda cell: hex(int(1e4 * float(cell)))),
     "words for numbers": LAST_AS_WORD,
     "parentheses": cells(lambda cell: f"({cell[1:]})" if cell.startswith("-") else cell),
@@ -224,41 +221,28 @@ def test_a_decimal_mark_is_that_of_the_first_lines(parts: int) -> None:
     np.testing.assert_array_equal(samples[150:, 1], [1.234, 0.5, -1.234, np.nan])
 
 
-@pytest.mark.parametrize(
-    ("text", "names", "first"),
-    [
-        ("a,b\n1,2\n3,4\n", ("a", "b"), 2),
-        ("a,b\n1,2\n", ("a", "b"), 2),
-        ("Version 2\na,b\n1,2\n3,4\n", ("a", "b"), 3),
-        ("Date,2024,5\na,b,c\n1,2,3\n4,5,6\n", ("a", "b", "c"), 3),
-        ("Rig,7,arm\nRate,9,slow\na,b,c\n1,2,3\n4,5,6\n", ("a", "b", "c"), 4),
-        ("Version,2,1\n10,20\na,b,c\n1,2,3\n4,5,6\n", ("a", "b", "c"), 4),
-        ("x,y\na,b\n1,2\n3,4\n", ("a", "b"), 3),
-        ("a,b\ns,V\n1,2\n3,4\n", ("a [s]", "b [V]"), 3),
-        ("# units: ms, V\na,b\n1,2\n3,4\n", ("a [ms]", "b [V]"), 3),
-        ("Unit,V\na,b\n1,2\n3,4\n", ("a", "b [V]"), 3),
-        ("s,V\n1,2\n3,4\n", ("s", "V"), 2),
-        ("a;b,c\n1,5;2\n3,5;4\n", ("a", "b,c"), 2),
-        ("t [s] q [N m] u\n1 2 3\n4 5 6\n", ("t [s]", "q [N m]", "u"), 2),
-        (" t [s]  link angle [deg]  u\n1 2 3\n4 5 6\n", ("t [s]", "link angle [deg]", "u"), 2),
-        ("a,,c\n1,2,3\n", ("a", "unnamed 2", "c"), 2),
-        ("# a, b\n# c d\n1,2\n3,4\n", ("a", "b"), 3),
-        ("a,b\n\n1,2\n3,4\n", ("a", "b"), 3),
-        ("a,b\nx,y\n", ("a", "b"), 2),
-        ("comment\nx\n", ("comment",), 2),
-        ("a,b\nnan,1\n2,3\n", ("a", "b"), 2),
-        ("a,b,c,d\n0,1,2,3\n0,(1),(2),3\n4,5,6,7\n8,9,1,2\n", ("a", "b", "c", "d"), 2),
-        ("Rig\na,b,c,d\n0,1,2,\n4,5,6,\n", ("a", "b", "c", "d"), 3),
-        ("Rig\na,b,c\n0,1,2,\n4,5,6,\n", ("a", "b", "c", "unnamed 4"), 3),
-    ],
+LAYOUTS = (
+    *("a,b\n1,2\n3,4\n", "a,b\n1,2\n", "Version 2\na,b\n1,2\n3,4\n"),
+    *("Date,2024,5\na,b,c\n1,2,3\n4,5,6\n", "Rig,7,arm\nRate,9,slow\na,b,c\n1,2,3\n4,5,6\n"),
+    *("Version,2,1\n10,20\na,b,c\n1,2,3\n4,5,6\n", "x,y\na,b\n1,2\n3,4\n"),
+    *("a,b\ns,V\n1,2\n3,4\n", "# units: ms, V\na,b\n1,2\n3,4\n", "Unit,V\na,b\n1,2\n3,4\n"),
+    *("s,V\n1,2\n3,4\n", "a;b,c\n1,5;2\n3,5;4\n", "t [s] q [N m] u\n1 2 3\n4 5 6\n"),
+    *(" t [s]  link angle [deg]  u\n1 2 3\n4 5 6\n", "a,,c\n1,2,3\n"),
+    *("# a, b\n# c d\n1,2\n3,4\n", "a,b\n\n1,2\n3,4\n", "a,b\nx,y\n", "comment\nx\n"),
+    *("a,b\nnan,1\n2,3\n", "a,b,c,d\n0,1,2,3\n0,(1),(2),3\n4,5,6,7\n8,9,1,2\n"),
+    *("Rig\na,b,c,d\n0,1,2,\n4,5,6,\n", "Rig\na,b,c\n0,1,2,\n4,5,6,\n"),
 )
-def test_layout(text: str, names: tuple[str, ...], first: int) -> None:
+
+
+def test_layouts(golden: Any) -> None:
     """Assert names, units and the first row."""
-    layout = layout_of("log.csv", text.encode())
-    assert layout.names == names
-    assert layout.first_line == first
-    rest = "".join(text.splitlines(keepends=True)[first - 1 :])
-    assert text.encode()[layout.start :].decode() == rest
+    found = {}
+    for text in LAYOUTS:
+        layout = layout_of("log.csv", text.encode())
+        found[repr(text)] = f"{layout.names} above line {layout.first_line}"
+        rest = "".join(text.splitlines(keepends=True)[layout.first_line - 1 :])
+        assert text.encode()[layout.start :].decode() == rest
+    golden(found)
 
 
 @pytest.mark.parametrize("name", ["q_" * 50_000, "[" * 100_000, "-" * 100_000, " " * 100_000])

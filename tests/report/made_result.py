@@ -1,12 +1,14 @@
 """A synthetic identification with every part of the printed answer and the document."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from flexid.estimators.excitation import excitation_of_gram
 from flexid.identification.preparation.recordings import Alignment, Delay
 from flexid.identification.result import Choices, Identification
 from flexid.identification.vocabulary import evidence
 from flexid.identification.vocabulary.evidence import Estimate
+from made_estimates import TRUE, exact
 
 INFINITE = float("inf")
 
@@ -47,9 +49,8 @@ VALIDATION = evidence.Validation(
 
 def made_result(model_error: evidence.ModelError | None = None) -> Identification:
     """Return an identification in which each number occurs once."""
-    gram = np.array([[1.0, 0.3], [0.3, 1.0]])
-    return Identification(
-        model="flexible",
+    return replace(
+        exact(TRUE, ""),
         coefficients={
             "theta1": evidence.ValueEstimate("theta1", "1/s^2", 5.0, 0.1, (4.8, 5.2), "determined"),
             "alpha_coulomb": evidence.ValueEstimate(
@@ -62,11 +63,9 @@ def made_result(model_error: evidence.ModelError | None = None) -> Identificatio
             )
         },
         least_squares={"theta1": 5.0456},
-        excitation={"link": excitation_of_gram("link", ["theta1", "theta2"], gram)},
         residual_excess={"link_position": 1.02, "motor_position": 3.04},
         model_error=model_error or evidence.ModelError(0.05, 0.9, 0.0),
         validation=VALIDATION,
-        compliance=evidence.Compliance(True, "the deflection moves", 0.1, 1e-4),
         removed={
             "joint_damping": evidence.ValueEstimate(
                 "joint_damping", "N m s/rad", 1e-4, 2e-4, (-3e-4, 5e-4), "undetermined"

@@ -21,7 +21,6 @@ from flexid.report.reproduction import parts
 from flexid.report.response_charts import autocorrelation, free_run_chart, residual_chart
 from flexid.report.simulated_run import motion_chart, observer_chart
 from flexid.report.terminal import print_parts
-from flexid.simulation.closed_loop import Run
 
 X = np.array([1.0, 10.0, 100.0])
 Y = np.array([2.0, np.nan, 4.0])
@@ -209,14 +208,9 @@ def test_residuals_that_repeat_leave_the_band():
 EXPERIMENT = read_experiment(Path(__file__).parents[2] / "experiments" / "huang2003.toml")
 
 
-@pytest.fixture(scope="module")
-def run() -> Run:
-    """Return a run of Table I for some seconds."""
-    return EXPERIMENT.with_values({"run.duration": 25.0}).run()
-
-
-def test_a_run_is_shown(run: Run, request: pytest.FixtureRequest):
+def test_a_run_is_shown(request: pytest.FixtureRequest):
     """Assert table, figures and command on the page, and marks with the first torque cut off."""
+    run = EXPERIMENT.with_values({"run.duration": 25.0}).run()
     made = page_html(SimulatedRun(EXPERIMENT, run)._page("flexid simulate x"))
     assert made.count('class="chart"') == 2
     for text in ("theta1", "Tracking error:", "flexid simulate x", EXPERIMENT.digest):

@@ -190,7 +190,7 @@ def test_nonsense_is_refused(estimate, refusals):
     refusals({str(one): partial(estimate.frequency_response, **one) for one in options})
 
 
-def test_link_and_rigid_joint_have_one_as_well(log):
+def test_link_and_rigid_joint_have_one_as_well(log, tmp_path):
     """Assert link over motor without a torque, and the rigid joint's response for one encoder."""
     del_torque = {name: values for name, values in log.items() if "torque" not in name}
     link = flexid.identify(del_torque, terms=("gravity", "joint_damping"), segment_duration=1.0)
@@ -201,6 +201,8 @@ def test_link_and_rigid_joint_have_one_as_well(log):
     assert (response.output, response.input) == ("link position", "motor position")
     assert response.values[1] == pytest.approx(spring / (s**2 + c["theta1"] + spring))
     assert [f.name for f in link.frequency_response().characteristic] == ["antiresonance"]
+    examined = flexid.excitation(del_torque, terms=("gravity",), segment_duration=1.0)
+    assert set(examined.coefficients) == {"theta1", "theta2"}
     one = {name: values for name, values in log.items() if "link" not in name}
     rigid = flexid.identify(one, terms=("viscous",), hold="zero", segment_duration=1.0)
     found = rigid.frequency_response(frequency=np.array([2.0]))
@@ -211,3 +213,8 @@ def test_link_and_rigid_joint_have_one_as_well(log):
         chart = bode_chart(one.frequency_response())
         assert chart.columns == columns
         assert draw(chart).axes
+        one.report(tmp_path / "report.html")
+        one.save(tmp_path / "estimate.json")
+        loaded = flexid.load(tmp_path / "estimate.json")
+        assert loaded.validate(log).fit_percent
+        assert loaded.model == one.model

@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from flexid.identification.preparation.joint import Kind
-from flexid.identification.result import Identification
 from flexid.library.watched import Watch
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.free_run import free_run
@@ -64,13 +62,7 @@ def loaded_stream(before: float, after: float, factor: float = 1.5, seed: int = 
     return np.column_stack((time, positions, u))
 
 
-def options_of(
-    made: Identification | None = None,
-    kind: Kind = "flexible",
-    unit: str = "N m",
-    h: float = H,
-    **chosen: object,
-) -> WatchOptions:
+def options_of(made: Any = None, kind: Any = "flexible", unit="N m", h=H, **chosen) -> WatchOptions:
     """Return the options of a stream, with or without an estimate."""
     return options_of_stream(chosen, made, StreamChannels(kind, unit, False, ()), h)
 

@@ -50,26 +50,20 @@ def test_blocks_change_nothing(kind: str, cuts: list[int]):
     assert same(session, watched(samples, options))
 
 
-def spikes() -> np.ndarray:
-    """Return a resting link with huge jumps, after which sums consist of rounding errors."""
-    samples = np.zeros((34, 4))
-    samples[[13, 15, 19, 33], LINK] = 1e10, 1449797.0, 1e10, 1.0
-    return samples
-
-
-def faint() -> np.ndarray:
-    """Return a motion whose powers exceed the range of floating point."""
-    samples = np.full((3, 4), 4.64249011e-187)
-    samples[0, MOTOR], samples[0, TORQUE] = 0.0, 1.0
-    return samples
+# A resting link with huge jumps, after which sums consist of rounding errors.
+SPIKES = np.zeros((34, 4))
+SPIKES[[13, 15, 19, 33], LINK] = 1e10, 1449797.0, 1e10, 1.0
+# A motion whose powers exceed the range of floating point.
+FAINT = np.full((3, 4), 4.64249011e-187)
+FAINT[0, MOTOR], FAINT[0, TORQUE] = 0.0, 1.0
 
 
 @FEW
-@example(samples=spikes(), timed=True)
+@example(samples=SPIKES.copy(), timed=True)
 @example(samples=np.zeros((9, 4)), timed=True)
 @example(samples=np.ones((300, 4)), timed=True)
 @example(samples=np.array([[0.0, 0.0, 1.0, 2.5e-155], 4 * [0.0], 4 * [0.0]]), timed=True)
-@example(samples=faint(), timed=True)
+@example(samples=FAINT.copy(), timed=True)
 @example(samples=2.5e-153 * np.arange(400.0).reshape(100, 4) ** 2, timed=True)
 @given(
     arrays(

@@ -1,16 +1,23 @@
-"""The studio's server: access control, uploads, and security headers."""
+"""The studio's server: access control, uploads, security headers, and worker processes."""
 
 import asyncio
+import os
 import socket
+import sys
+import time
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from benchmarks.studio import load
 
 from flexid import studio
+from flexid.errors import SettingError
 from flexid.studio import guard
+from flexid.studio.choices import read_choices
 from flexid.studio.guard import Guard, UploadError, safe_name, save
+from flexid.studio.jobs import JobError, Workers
 
 HERE = "127.0.0.1:8765"
 Headers = dict[str, str]
@@ -84,30 +91,22 @@ async def chunks(*parts: bytes) -> AsyncIterator[bytes]:
         yield part
 
 
-@pytest.mark.parametrize(
-    ("name", "safe"),
-    [
-        ("run 1.csv", "run 1.csv"),
-        ("../../etc/passwd.csv", "passwd.csv"),
-        ("..\\..\\windows\\log.CSV", "log.CSV"),
-        ("<script>alert(1)</script>.csv", "script_.csv"),
-        ("....csv", "log.csv"),
-        ("-rf.parquet", "rf.parquet"),
-        ("a\0b\n\u202e.csv", "a_b__.csv"),
-        ("x" * 500 + ".csv", "x" * 80 + ".csv"),
-        ("Messung März.csv", "Messung M_rz.csv"),
-    ],
+NAMES = (
+    *("run 1.csv", "../../etc/passwd.csv", "..\\..\\windows\\log.CSV", "Messung März.csv"),
+    *("<script>alert(1)</script>.csv", "....csv", "-rf.parquet", "a\0b\n\u202e.csv"),
+    *("x" * 500 + ".csv", "", "passwd", "log.exe", "log.csv/", "log.html", ".csv.sh"),
 )
-def test_names_are_plain(name: str, safe: str):
-    """Assert that a name from outside has no path and plain characters only."""
-    assert safe_name(name) == safe
 
 
-@pytest.mark.parametrize("name", ["", "passwd", "log.exe", "log.csv/", "log.html", ".csv.sh"])
-def test_other_kinds_are_refused(name: str):
-    """Assert that only logs are accepted."""
-    with pytest.raises(UploadError, match="whose names end in"):
-        safe_name(name)
+def test_names_of_uploads(golden: Any):
+    """Assert that a name has no path and plain characters only, and is that of a log."""
+    found = {}
+    for name in NAMES:
+        try:
+            found[repr(name)[:40]] = safe_name(name)
+        except UploadError as error:
+            found[repr(name)[:40]] = str(error)
+    golden(found)
 
 
 @pytest.mark.parametrize(("parts", "status"), [((b"12345", b"678901"), 413), ((), 400)])
@@ -135,3 +134,66 @@ def test_a_studio_that_cannot_start(flexid, monkeypatch: pytest.MonkeyPatch):
     outcome = flexid("studio", "--no-browser")
     assert outcome.status == 2
     assert "pip install 'flexid[studio]'" in outcome.stderr
+
+
+def echo(text: str) -> tuple[str, str, int]:
+    """Return a text, with the folder and the process."""
+    return text, os.getcwd(), os.getpid()
+
+
+def sleep() -> None:
+    """Sleep very long, and leave a mark in the folder."""
+    Path("asleep").touch()
+    time.sleep(600)
+
+
+@pytest.mark.anyio
+async def test_a_job_is_done_in_its_folder(tmp_path: Path):
+    """Assert that a job's answer is returned, and that one process runs several jobs."""
+    workers = Workers(1)
+    first = await workers.run(echo, "a", folder=tmp_path)
+    second = await workers.run(echo, "b", folder=tmp_path)
+    assert first == ("a", str(tmp_path), second[2])
+    assert first[2] != os.getpid()
+
+
+@pytest.mark.anyio
+async def test_a_cancelled_job_makes_room(tmp_path: Path):
+    """Assert that jobs wait for a free process, and that cancelling frees one."""
+    workers = Workers(1)
+    long = asyncio.create_task(workers.run(sleep, folder=tmp_path))
+    while not (tmp_path / "asleep").exists():
+        await asyncio.sleep(0.01)
+    gone = asyncio.create_task(workers.run(echo, "a", folder=tmp_path))
+    waiting = asyncio.create_task(workers.run(echo, "b", folder=tmp_path))
+    await asyncio.sleep(0.1)
+    assert not waiting.done()
+    gone.cancel()
+    await asyncio.sleep(0)
+    long.cancel()
+    assert (await waiting)[0] == "b"
+
+
+@pytest.mark.anyio
+async def test_what_fails_is_said_and_work_goes_on(tmp_path: Path):
+    """Assert that bad input, a defect, a process's end or a lost folder stops no other job."""
+    workers = Workers(1)
+    for job, argument, kind, words in (
+        (read_choices, {"model": "none"}, SettingError, "model"),
+        ({}.__getitem__, "oh", JobError, "defect"),
+        (os._exit, 1, JobError, "ended early"),
+    ):
+        with pytest.raises(kind, match=words):
+            await workers.run(job, argument, folder=tmp_path)
+    assert (await workers.run(echo, "a", folder=tmp_path))[0] == "a"
+    workers = Workers(1)
+    with pytest.raises(JobError, match="folder of the log cannot be entered"):
+        await workers.run(echo, "a", folder=tmp_path / "gone")
+    assert (await workers.run(echo, "a", folder=tmp_path))[0] == "a"
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc")
+def test_twenty_windows_stay_within_two_gigabytes():
+    """Assert that twenty logs are checked, and some identified, within two gigabytes."""
+    assert load(20, 2).peak_memory < 2e9

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexid.arms.disturbed import NEAR_STEPS, DisturbedFit, Job, likeliest_fit
-from flexid.arms.unusual import Unusual, likeliest, link_delays, not_in, promises, unusual_parts
+from flexid.arms.unusual import Unusual, encoder_delays, likeliest, not_in, promises, unusual_parts
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.model import Data, Structure
@@ -42,21 +42,21 @@ def _with_unusual_terms(found: DisturbedFit, parts: Sequence[Unusual]) -> Distur
             near = job.in_band.with_gains_of(best.fitted, best.fitted.by_name, NEAR_STEPS)
             if near.minimum.equations.cost < squares - part.least:
                 other = job.in_band.fit(near.by_name, best.sizes, near)
-                if other.cost < best.cost - part.least:
+                if other.cost < best.cost - part.least and part.is_possible(other.fitted.by_name):
                     found = DisturbedFit(job, other, ())
                     parts = not_in(job.structure, parts)
     return found
 
 
 def with_likelier_delays(begun: DisturbedFit, every: DisturbedFit) -> DisturbedFit:
-    """Return the fit with the likelier delays: of the inputs, of link encoders, or both.
+    """Return the fit with the likelier delays: of the inputs, of encoders, or both.
 
     `begun` is the fit without unusual terms, `every` the one with each that helps. A link encoder's
     delay looks like twice that delay of the inputs: stiffness times the delay moves from the
     damping to the link's friction, or from the motor's friction to the damping. An error of the
     motor then looks like a second delay. So both are fitted only if one explains clearly less.
     """
-    sought, links = {*every.job.structure.timing.sought}, {*link_delays(begun.job.balance)}
+    sought, late = {*every.job.structure.timing.sought}, {*encoder_delays(begun.job.balance)}
     if not sought:
         return every
     parts = unusual_parts(begun.fitted.structure)
@@ -64,7 +64,7 @@ def with_likelier_delays(begun: DisturbedFit, every: DisturbedFit) -> DisturbedF
         every
         if others.isdisjoint(sought)
         else _with_unusual_terms(begun, [p for p in parts if others.isdisjoint(p.names)])
-        for others in (links, {INPUT})
+        for others in (late, {INPUT})
     ]
     one = min(alone, key=_cost_of)
     both = every

@@ -6,6 +6,7 @@ again.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -14,13 +15,14 @@ import numpy as np
 from flexid.arms.disturbed import NEAR_STEPS, RIVAL, DisturbedFit
 from flexid.arms.fitting import EFFECT_BAND, effect_sizes
 from flexid.arms.starts import filtered
-from flexid.arms.unusual import FittedArm, link_delays
+from flexid.arms.unusual import STRIBECK, FittedArm, encoder_delays
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import later
 from flexid.estimators.samples import Samples, side_by_side
 from flexid.estimators.segmented_motion import SegmentedMotion
 from flexid.identification.estimation.doubts import (
+    ANOTHER_LAW,
     CALIBRATION,
     ECCENTRICITY,
     GAUGE,
@@ -30,6 +32,7 @@ from flexid.identification.estimation.doubts import (
     LIKE_THE_ACCELERATION,
     OF_A_BAND,
     OF_A_HALF,
+    OF_A_LAW,
     Repeat,
     between_bands,
     between_halves,
@@ -37,10 +40,16 @@ from flexid.identification.estimation.doubts import (
     like_a_term,
     widened,
 )
-from flexid.identification.estimation.rig_errors import SHARE, likely_changes, with_sensor_error
+from flexid.identification.estimation.rig_errors import (
+    SHARE,
+    SMALL_SHARE,
+    likely_changes,
+    with_sensor_error,
+)
 from flexid.identification.structure.gap import LIKELIER
 from flexid.identification.vocabulary.evidence import Estimate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
+from flexid.models.flexible_joint import STRIBECK_VELOCITY
 from flexid.models.torque_balance import JointTerm, TorqueBalance
 from flexid.recording.velocities import position_noise
 
@@ -51,6 +60,8 @@ _GAPS = np.geomspace(0.02, 1.0, 25)  # half widths over the deflection's standar
 # logs with late encoders and wrong laws of friction were 0 to 0.3 of the disturbance, and 0.1 RMS.
 _LIKE_DAMPING = 0.1
 _CHANCE = 0.005  # random share of the residual squares: 12 of some 2400 independent rows
+
+OF_A_ZERO = "the zeros of its encoders or the direction of gravity may be wrong"
 
 Doubt = Callable[[DisturbedFit], FloatArray]
 
@@ -71,14 +82,14 @@ def input_noise(found: DisturbedFit) -> FloatArray:
     return np.minimum(np.max(logged, axis=0), white_noise(found))
 
 
-def without_link_delays(found: DisturbedFit) -> tuple[Samples, ...]:
-    """Return the log with the delays of link encoders undone."""
-    late = [found.values.get(name, 0.0) for name in link_delays(found.job.balance)]
+def on_time(found: DisturbedFit) -> tuple[Samples, ...]:
+    """Return the log with the delays of encoders undone."""
+    late = [found.values.get(name, 0.0) for name in encoder_delays(found.job.balance)]
     moved = []
     for recording in found.job.data.samples:
         positions = recording.positions.copy()
-        for link, delay in zip(positions.T[::2], late, strict=True):
-            link[:] = later(link, -delay / recording.sample_time)
+        for encoder, delay in zip(positions.T, late, strict=True):
+            encoder[:] = later(encoder, -delay / recording.sample_time)
         moved.append(replace(recording, positions=positions))
     return tuple(moved)
 
@@ -112,6 +123,28 @@ def noise_of_the_inputs(found: DisturbedFit) -> FloatArray:
 def errors_of_the_rig(found: DisturbedFit) -> FloatArray:
     """Return errors due to encoders, scales, lengths and directions that the log allows."""
     return likely_changes(found.fitted, [*rig_errors(found.fitted, found.job.deflections)])
+
+
+def zeros_of_joints(found: DisturbedFit) -> FloatArray:
+    """Return errors by the zeros of encoders and gravity's direction."""
+    return by_zeros(found.fitted)
+
+
+def by_zeros(fitted: FittedArm) -> FloatArray:
+    """Return errors by the zeros of encoders and gravity's direction, weighted by the log."""
+    return likely_changes(fitted, [*zeros(fitted)], share=SMALL_SHARE)
+
+
+def term_law(found: DisturbedFit) -> FloatArray:
+    """Return errors by another velocity or law of Stribeck friction."""
+    return by_laws(found.fitted)
+
+
+def by_laws(fitted: FittedArm) -> FloatArray:
+    """Return errors by the velocity of Stribeck friction, weighted by the log, and by its law."""
+    named = zip(fitted.names, fitted.values, strict=True)
+    at_rest = np.diag([ANOTHER_LAW * value * (STRIBECK in name) for name, value in named])
+    return np.hstack((likely_changes(fitted, [*other_falls(fitted)]), at_rest))
 
 
 def halves_of_the_log(found: DisturbedFit) -> FloatArray:
@@ -213,7 +246,7 @@ def looks_like_a_delay(found: DisturbedFit) -> FloatArray:
     torques = found.disturbing_torques() * _beyond_input_noise(found)
     sizes, names = effect_sizes(job.balance, job.data.samples), job.balance.coefficients
     moved = []
-    for joint, delay in enumerate(link_delays(job.balance), 1):
+    for joint, delay in enumerate(encoder_delays(job.balance)[::2], 1):
         damping, friction = f"joint_damping_{joint}", f"link_viscous_friction_{joint}"
         motor, stiffness = 2 * joint - 1, values[f"joint_stiffness_{joint}"]
         size = sizes[motor, names.index(damping)]
@@ -235,7 +268,7 @@ def looks_like_the_acceleration(found: DisturbedFit) -> FloatArray:
 
 def play(found: DisturbedFit) -> FloatArray:
     """Return errors of springs due to play, which resembles a softer or hardening spring."""
-    changes = changes_by_play(found.job.balance, found.values, without_link_delays(found))
+    changes = changes_by_play(found.job.balance, found.values, on_time(found))
     names = found.fitted.names
     return np.array([[change.get(name, 0.0) for change in changes] for name in names])
 
@@ -244,6 +277,8 @@ DOUBTS: Mapping[Doubt, str] = {
     calibration: "",
     noise_of_the_inputs: "noise of the logged torque: excite harder, or log it finer",
     errors_of_the_rig: "the encoders, their scales, the lengths or directions may be wrong",
+    zeros_of_joints: OF_A_ZERO,
+    term_law: OF_A_LAW,
     halves_of_the_log: OF_A_HALF,
     another_band: OF_A_BAND,
     other_minima: "another set of values explains the log as well",
@@ -262,6 +297,17 @@ def with_doubts(found: DisturbedFit) -> tuple[Estimate, dict[str, str]]:
     """Return the estimate with all doubts, and the main reason for each parameter's variance."""
     every = side_by_side(lambda doubt: _directions_of(doubt, found), DOUBTS)
     return widened(found.estimate, zip(map(covariance_of, every), DOUBTS.values(), strict=True))
+
+
+def with_doubts_of_an_exact_fit(
+    fitted: FittedArm, estimate: Estimate
+) -> tuple[Estimate, dict[str, str]]:
+    """Return the estimate with doubts about zeros and friction, and the main reasons."""
+    every = []
+    for doubt, words in ((by_zeros, OF_A_ZERO), (by_laws, OF_A_LAW)):
+        with suppress(ConvergenceError):
+            every.append((covariance_of(doubt(fitted)), words))
+    return widened(estimate, every)
 
 
 def _directions_of(doubt: Doubt, found: DisturbedFit) -> FloatArray:
@@ -342,7 +388,8 @@ def _fitted_spring(
 
 
 LENGTH = 0.005  # relative standard deviation: a ruler misses joints by 1 or 2 mm
-DIRECTION = 0.01  # rad, standard deviation of the directions of slides and gravity: half a degree
+DIRECTION = 0.01  # rad, of slides, gravity and zeros of encoders: half a degree, a deviation
+FALL = 0.2  # relative standard deviation of a Stribeck velocity: half the step between trials
 
 
 def rig_errors(fitted: FittedArm, deflections: Sequence[int]) -> Iterator[SegmentedMotion]:
@@ -368,8 +415,40 @@ def rig_errors(fitted: FittedArm, deflections: Sequence[int]) -> Iterator[Segmen
         for name, value in known.items()
         if name[0] in "ld" and name != last
     ]
-    # Gravity turns with the base, or with the zero of joint 1.
-    changes += [{"gx": -DIRECTION * known["gy"], "gy": DIRECTION * known["gx"]}]
     for change in filter(lambda one: any(one.values()), changes):
-        errors = np.array([change.get(name, 0.0) for name in known])
-        yield replace(fitted.problem, constants=fitted.problem.constants + SHARE * errors)
+        yield _with_constants(fitted, change)
+
+
+def zeros(fitted: FittedArm) -> Iterator[SegmentedMotion]:
+    """Yield the fit's motion with the zero of each joint at `SMALL_SHARE` of its deviation.
+
+    Moments of links make up for such errors, but along a curve: a larger share would leave it.
+    """
+    balance = fitted.structure.joint.balance
+    gx, gy = balance.constants["gx"], balance.constants["gy"]
+    if gx or gy:  # turns with the base, or with the zero of joint 1
+        change = {"gx": -DIRECTION * gy, "gy": DIRECTION * gx}
+        yield _with_constants(fitted, change, SMALL_SHARE)
+    for joint, joint_type in enumerate(balance.types[1:], 1):
+        if joint_type == "revolute":
+            both = slice(2 * joint, 2 * joint + 2)
+            yield with_sensor_error(fitted, both, DIRECTION, SMALL_SHARE)
+
+
+def other_falls(fitted: FittedArm) -> Iterator[SegmentedMotion]:
+    """Yield the fit's motion with each Stribeck velocity changed by `SHARE` of its deviation."""
+    known = fitted.structure.joint.balance.constants
+    for name in fitted.names:
+        stem, _, joint = name.rpartition("_")
+        if stem == STRIBECK:
+            velocity = f"{STRIBECK_VELOCITY}_{joint}"
+            yield _with_constants(fitted, {velocity: FALL * known[velocity]})
+
+
+def _with_constants(
+    fitted: FittedArm, change: Mapping[str, float], share: float = SHARE
+) -> SegmentedMotion:
+    """Return a fit's motion with a share of a change of its model's constants."""
+    known = fitted.structure.joint.balance.constants
+    errors = np.array([change.get(name, 0.0) for name in known])
+    return replace(fitted.problem, constants=fitted.problem.constants + share * errors)

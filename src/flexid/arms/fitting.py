@@ -228,7 +228,8 @@ def _with_better(best: FittedArm, parts: list[Unusual]) -> FittedArm:
         segments = best.problem.segments
         with suppress(ConvergenceError):
             other = fit_segments(structure, best.data, segments, best.by_name, states, _ROUGH)
-            if _is_clearly_better(best, other.minimum.equations.cost, part.least):
+            better = _is_clearly_better(best, other.minimum.equations.cost, part.least)
+            if better and part.is_possible(other.by_name):
                 best, parts = other, not_in(structure, parts)
     return best
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 import flexid
 from flexid.arms.disturbed import along_flat_directions, creeping
 from flexid.arms.disturbed_terms import fit_disturbed
-from flexid.arms.doubts import driving_frictions, with_doubts
+from flexid.arms.doubts import driving_frictions, with_doubts, with_doubts_of_an_exact_fit
 from flexid.arms.fitting import (
     effect_sizes,
     exact_fits,
@@ -25,7 +25,7 @@ from flexid.arms.log import ArmLog, read_arm_log
 from flexid.arms.result import ArmIdentification, joint_of_name
 from flexid.arms.starts import backward_inputs
 from flexid.arms.units import ArmUnits
-from flexid.arms.unusual import FittedArm, link_delays
+from flexid.arms.unusual import FittedArm, encoder_delays
 from flexid.errors import ConvergenceError, RecordingError
 from flexid.estimators.channel_timing import DELAY, INPUT, Timing
 from flexid.estimators.excitation import excitation_of_gram
@@ -48,7 +48,7 @@ from flexid.identification.vocabulary.evidence import (
     ValueEstimate,
 )
 from flexid.models.physical import Quotient
-from flexid.models.planar_arm import PlanarArm, carried_links, planar_arm
+from flexid.models.planar_arm import STRIBECK_CONSTANTS, PlanarArm, carried_links, planar_arm
 from flexid.recording.recording import INPUTS, Caution, Rank, ranked
 from flexid.recording.velocities import is_noise
 
@@ -64,6 +64,7 @@ _HELD = {
 }
 """Assumed parameters of a motor that rests: a very large friction holds it in place."""
 _POSITIVE = ("joint_stiffness", "motor_inertia", "link_inertia", "link_mass")
+_HARDLY = 0.25  # motion of a motor over that of its link; wrong gear ratios give less
 _UNCONVERGED = 10.0  # standard deviations of the next step; sticking friction causes up to 3
 _NO_TORQUE = 1e-100  # N m, in place of zero if no torque of a balance is known
 
@@ -153,7 +154,9 @@ def _chosen_fit(
         raise no_start()
     progress("predicting the held-out data")
     fitted, estimate = best or exact.best()
-    return _ChosenFit(fitted, estimate, predicted(fitted), {}, reason=reason, log_lag=exact.log_lag)
+    estimate, widest = with_doubts_of_an_exact_fit(fitted, estimate)
+    runs, rest = (predicted(fitted), {}), {"reason": reason, "log_lag": exact.log_lag}
+    return _ChosenFit(fitted, estimate, *runs, widest=widest, **rest)
 
 
 def fixed_parameters(arm: PlanarArm, units: ArmUnits) -> dict[str, float]:
@@ -203,9 +206,13 @@ def _result(arm: PlanarArm, log: ArmLog, found: _ChosenFit) -> ArmIdentification
     for names_doubted, doubt in doubts:
         for name in names_doubted & parameters.keys():
             parameters[name] = parameters[name].unknown(str(doubt))
+    velocities, exponents = (
+        [balance.constants[f"{name}_{j}"] for j in range(1, arm.joints + 1)]
+        for name in STRIBECK_CONSTANTS
+    )
     return ArmIdentification(
         model="arm",
-        arm=arm,
+        arm=replace(arm, stribeck=tuple(zip(velocities, exponents, strict=True))),
         parameters=parameters,
         fit=estimate,
         fixed=fixed,
@@ -227,7 +234,7 @@ def _result(arm: PlanarArm, log: ArmLog, found: _ChosenFit) -> ArmIdentification
         provenance={"flexid_version": flexid.__version__, "inputs": [log.provenance]},
         encoder_delays={
             name.removesuffix(DELAY): fitted.by_name[name]
-            for name in link_delays(balance)
+            for name in encoder_delays(balance)
             if name in fitted.by_name
         },
         validation=found.validation,
@@ -276,13 +283,32 @@ def _doubts(
         carried = {f"link_inertia_{joint}", f"link_mass_{joint}"}
         own = {n for n in parameters if joint_of_name(n) == joint} - carried
         yield own, Caution(f"joint {joint} rests: let it move", Rank.MOTION)
-    for joint, share in found.periods.items():
-        shares = found.shares or {}
-        left = max(shares.get(f"{side}_{joint}", 0.0) for side in ("link", "motor"))
-        if not share >= PREDICTED and left > UNEXPLAINED:
-            weak = weak_spring(f"joint {joint}", "a period", f"{max(share, 0.0):.0f} %")
-            yield {f"{name}_{joint}" for name in _OF_A_SPRING}, weak
+    yield from weak_springs(found.fitted, found.periods, found.shares or {})
     yield from negative_springs(parameters, ended=has_ended(found.fitted))
+
+
+def weak_springs(
+    fitted: FittedArm, periods: Mapping[int, float], shares: Mapping[str, float]
+) -> Iterator[tuple[set[str], Caution]]:
+    """Yield parameters to declare undetermined because a spring predicts too little.
+
+    A motor that hardly moves must then have a wrong gear ratio, or a dead encoder.
+    """
+    for joint, share in periods.items():
+        left = max(shares.get(f"{side}_{joint}", 0.0) for side in ("link", "motor"))
+        if left <= UNEXPLAINED or share >= PREDICTED:
+            continue
+        weak = weak_spring(f"joint {joint}", "a period", f"{max(share, 0.0):.0f} %")
+        yield {f"{name}_{joint}" for name in _OF_A_SPRING}, weak
+        both = slice(2 * joint - 2, 2 * joint)
+        link, motor = np.concatenate([r.positions[:, both] for r in fitted.data.samples]).std(0)
+        if motor < _HARDLY * link:
+            reason = (
+                f"the motor of joint {joint} moves {motor / link:.2g} times as much as its link, "
+                f"as if it was held, but no spring moves the link like this: check the gear ratio "
+                f"and the motor's encoder"
+            )
+            yield set(), Caution(reason, Rank.SCALE)
 
 
 def negative_springs(

@@ -30,7 +30,7 @@ class ArmIdentification:
     condition_number: float
     warnings: tuple[str, ...]  # most important first
     provenance: Mapping[str, Any]  # file, digest and columns
-    # in s, by row such as ``link_1``: delay of a link's encoder after the motor's encoder
+    # in s, by row such as ``link_1``: delay of an encoder after the others
     encoder_delays: Mapping[str, float] = field(default_factory=dict)
     log_lag: float = 0.0  # in s, of a filter through which the inputs were logged
     # predictions of the last third with parameters from the first two, by channel such as

@@ -13,6 +13,7 @@ from flexid.derivation.sensitivities import mode_of, variation, width_of
 from flexid.derivation.source import assignments, function, unpack
 from flexid.derivation.symbolic import symbol, to_sympy
 from flexid.models.parametric_system import ParametricSystem
+from flexid.models.planar_arm import STRIBECK_CONSTANTS
 from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
 
 # Functions for blocks of terms, corners and memories, which a torque balance does not have.
@@ -125,7 +126,8 @@ def _of_joint(term: JointTerm, joint: int) -> dict[int, sp.Expr]:
     if term.place == "input":
         torque = to_sympy(term.expression, {"u"}, term.name).subs(symbol("u"), symbol(f"u{joint}"))
         return {motor: cast(sp.Expr, -torque)}
-    found = to_sympy(term.expression, {"q", "v", "a"}, term.name)
+    found = to_sympy(term.expression, {"q", "v", "a", *STRIBECK_CONSTANTS}, term.name)
+    found = found.subs({symbol(name): symbol(f"{name}_{joint}") for name in STRIBECK_CONSTANTS})
     local = tuple(symbol(name) for name in "qva")
     sides = {
         row: (symbol(f"{q}{joint}"), symbol(f"{v}{joint}"), _acceleration(row))

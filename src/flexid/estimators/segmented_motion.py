@@ -195,6 +195,11 @@ class SegmentedMotion:
             np.zeros(n, dtype=np.int64),
         )
 
+    @property
+    def whitening(self) -> FloatArray:
+        """Factor of each segment's residuals, (n_segments, n_outputs, n_outputs)."""
+        return self._observer.whitening
+
     def linearised(self, point: Point, recording: int) -> FloatArray:
         """Return the rates' mean derivatives by the states of a recording, (2 n_rows, 2 n_rows)."""
         segments = self.segments

@@ -45,6 +45,9 @@ def arm_scene(result: ArmIdentification) -> mjcf.Scene:
         notes.append(
             f"input_delay = {result.input_delay:.4g} is left out: MuJoCo does not model it"
         )
+    for name in values:
+        if "stribeck" in name and values[name] != 0.0:
+            notes.append(f"{name} = {values[name]:.4g} is left out: MuJoCo does not model it")
     joints = range(1, arm.joints + 1)
     rotors = {joint: _rotor(values, joint, notes) for joint in joints}
     motors = {joint: _side(values, "motor", joint, notes) for joint in joints}

@@ -23,16 +23,13 @@ from flexid.identification.estimation.neglected_deflection import (
     with_bending,
     with_hidden_spring,
 )
-from flexid.identification.full_model.model import LINK
+from flexid.identification.full_model.model import LINK, Fitted
 from flexid.identification.judgement import (
-    coefficient_estimates,
+    Judge,
     constant_estimates,
-    of_clamped_link,
     of_joint,
     of_link_alone,
-    parameter_estimates,
     widest,
-    without_link,
     without_unused_link,
 )
 from flexid.identification.preparation.joint import Kind
@@ -152,12 +149,13 @@ def _identified(job: Job, logs: Sequence[Log], dropped: Sequence[str]) -> Identi
     exact = found.disturbances is None
     fits, validation, choice = found.fits, found.validation, found.fits.choice
     numbers = _numbers(job, fits, found)
+    # Of a coefficient that a doubt makes unknown, the sign has no meaning.
+    known_sign = {n: c for n, c in numbers.coefficients.items() if n not in found.doubted}
     compliance = _compliance(job, numbers.coefficients, validation)
     if (found.doubts or not exact) and np.isfinite(compliance.deflection):
         moved = f"{compliance.deflection:.2g} {unit_of('rad', job.joint.type)}"
         reason = f"the deflection moves by {moved}, {found.prediction}"
-        visible = not found.doubts or "theta2" not in found.doubted
-        compliance = replace(compliance, visible=visible, reason=reason)
+        compliance = replace(compliance, visible="theta2" not in found.doubted, reason=reason)
     choices = replace(_choices(fits, numbers.estimate, settings), amplifier=amplifier)
     if job.delay_in_doubt:
         choices = replace(choices, alignment=in_doubt(choices.alignment, numbers.estimate))
@@ -170,7 +168,7 @@ def _identified(job: Job, logs: Sequence[Log], dropped: Sequence[str]) -> Identi
         coefficients=numbers.coefficients,
         parameters=numbers.parameters,
         least_squares={n: v for n, v in fits.squares.by_name.items() if n in numbers.coefficients},
-        excitation={r.name: row_excitation(r, ()) for r in fits.squares.rows if r.coefficients},
+        excitation={r.name: row_excitation(r) for r in fits.squares.rows if r.coefficients},
         residual_excess=fits.residual_excess,
         model_error=fits.error,
         validation=validation,
@@ -189,7 +187,7 @@ def _identified(job: Job, logs: Sequence[Log], dropped: Sequence[str]) -> Identi
                 *cautions(Rank.MODEL, found.retreat),
                 *cautions(Rank.SCALE, (*numbers.contradicted, *numbers.against)),
                 *amplifier_warnings(amplifier, job.input_unit),
-                *sign_warnings(_with_known_sign(numbers.coefficients, found), fits.driving),
+                *sign_warnings(known_sign, fits.driving),
                 *(one_way_warnings(fits.one_way) if exact else ()),
                 *division_warnings(numbers.parameters),
                 *model_warnings(
@@ -256,33 +254,15 @@ def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
         *contradictions(job.stated.given, reported, full, thresholds),
         *joined.contradicted,
     )
-    unknowns = reported.problem.unknowns
     sizes = row_sizes(fits.squares.rows)
-    coefficients = coefficient_estimates(
-        joined.estimate,
-        job.joint,
-        unknowns,
-        sizes,
-        without_estimate(reported.at_bound, job.stated.given),
-        job.input_unit,
-        thresholds,
-    )
-    parameters = parameter_estimates(
-        job.joint,
-        joined.estimate,
-        unknowns,
-        coefficients,
-        job.input_unit,
-        thresholds,
-        joined.exact,
-    )
+    judge = _judge(job, reported)
+    fixed = without_estimate(reported.at_bound, job.stated.given)
+    coefficients, parameters = judge.judged(joined.estimate, fixed, sizes, joined.exact)
     coefficients = {name: c.because(*_main_causes(c, found)) for name, c in coefficients.items()}
     parameters = {name: p.because(*_main_causes(p, found)) for name, p in parameters.items()}
     constants = sought_constants(joined.estimate, reported.structure)
     parameters |= constant_estimates(job.joint, constants, thresholds)
     if job.link_is_clamped:
-        parameters = without_link(parameters)
-        coefficients = {name: of_clamped_link(c) for name, c in coefficients.items()}
         remaining = (*parameters.values(), *coefficients.values())
         joined = replace(joined, estimate=without_unused_link(joined.estimate, remaining))
     against = contradicted[0] if contradicted else "" if reported.converged else _NOT_CONVERGED
@@ -306,6 +286,12 @@ def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
     )
 
 
+def _judge(job: Job, fitted: Fitted) -> Judge:
+    """Return the judge of a fit's values."""
+    unknowns, clamped = fitted.problem.unknowns, job.link_is_clamped
+    return Judge(job.joint, unknowns, job.input_unit, job.thresholds, clamped)
+
+
 def _main_causes(estimate: ValueEstimate, found: Answer) -> dict[str, None]:
     """Return the main causes of the interval widths of a value's coefficients."""
     return dict.fromkeys(found.widest.get(name, "") for name in estimate.slopes)
@@ -316,14 +302,6 @@ def _clock_warnings(job: Job, logs: Sequence[Log]) -> Iterator[str]:
     if job.joint.kind == "flexible" and job.settings.input_delay == "auto":
         for log in logs:
             yield from late_input(max(log.recordings, key=len))
-
-
-def _with_known_sign(
-    coefficients: Mapping[str, ValueEstimate], found: Answer
-) -> dict[str, ValueEstimate]:
-    """Return the coefficients that no doubt makes unknown; only their signs have a meaning."""
-    doubted = found.doubted if found.doubts else frozenset()
-    return {name: each for name, each in coefficients.items() if name not in doubted}
 
 
 def _compliance(
@@ -348,15 +326,8 @@ def _removed(
     estimate = fits.in_full
     if job.delay_in_doubt:
         estimate = estimate.widened(confused_covariance(estimate))
-    unknowns = full.problem.unknowns
     given = {**job.stated.given, **fits.reported.at_bound}
-    every = coefficient_estimates(
-        estimate, job.joint, unknowns, {}, without_estimate(full.at_bound, given), job.input_unit
-    )
-    found = parameter_estimates(
-        job.joint, estimate, unknowns, every, job.input_unit, job.thresholds
-    )
-    found = without_link(found) if job.link_is_clamped else found
+    _, found = _judge(job, full).judged(estimate, without_estimate(full.at_bound, given))
     # Without asymmetry, friction by direction equals the reported mean. The parts of a sum are
     # reported themselves.
     known = {*kept} | {

@@ -6,7 +6,7 @@ error, correlated residuals and delays all widen the interval.
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import isfinite
 
 import numpy as np
@@ -144,62 +144,142 @@ def _degree(gradient: FloatArray, names: tuple[str, ...], values: Mapping[str, f
     return int(np.sign(degree))
 
 
-def coefficient_estimates(
-    estimate: Estimate,
-    joint: Joint,
-    unknowns: Unknowns,
-    sizes: Mapping[str, float],
-    fixed: Mapping[str, tuple[float, str]],
-    input_unit: str,
-    thresholds: Thresholds = THRESHOLDS,
-) -> dict[str, ValueEstimate]:
-    """Return every coefficient with interval and verdict; fixed ones have zero width."""
-    estimates = {}
-    for name in estimate.names:
-        if _base(name) not in joint.units:  # a delay
-            continue
-        # Only a coefficient of an optional term can be determined to be negligible.
-        size = sizes.get(name, np.inf) if _base(name) in joint.optional else np.inf
-        unit = joint.unit_of(joint.units[_base(name)], input_unit)
-        estimates[name] = judged_value(name, unit, *estimate.of(name), size, thresholds)
-    for name, (value, reason) in fixed.items():
-        unit = joint.unit_of(joint.units[_base(name)], input_unit)
-        estimates[name] = ValueEstimate(
-            name, unit, value, 0.0, (value, value), "determined", reason
-        )
-    estimates |= _tied(estimate, joint, unknowns, estimates, input_unit, thresholds)
-    doubts = _doubts(estimates)
-    estimates |= {
-        name: e.unknown(doubts[balance_of(name)])
-        for name, e in estimates.items()
-        if e.slopes and balance_of(name) in doubts
-    }
-    order = list(joint.units)
-    return dict(sorted(estimates.items(), key=lambda item: order.index(_base(item[0]))))
+@dataclass(frozen=True, eq=False)
+class Judge:
+    """Judge of the coefficients and the physical parameters of a joint."""
+
+    joint: Joint
+    unknowns: Unknowns
+    input_unit: str
+    thresholds: Thresholds = THRESHOLDS
+    link_is_clamped: bool = False
+
+    def judged(
+        self,
+        estimate: Estimate,
+        fixed: Mapping[str, tuple[float, str]],  # known coefficients, each with the reason
+        sizes: Mapping[str, float] | None = None,  # effect of one unit of each coefficient
+        exact: Mapping[str, tuple[float, str]] | None = None,  # the same for parameters
+    ) -> tuple[dict[str, ValueEstimate], dict[str, ValueEstimate]]:
+        """Return all coefficients and parameters; known ones have an interval of zero width."""
+        coefficients = self._coefficients(estimate, fixed, sizes or {})
+        parameters = self._parameters(estimate, coefficients, exact or {})
+        if self.link_is_clamped:  # as if its inertia was infinite
+            hidden = {name: c for name, c in coefficients.items() if balance_of(name) == "link"}
+            coefficients |= {n: _exactly(n, c.unit, 0.0, "given") for n, c in hidden.items()}
+            seen = parameters.items()
+            parameters = {name: p for name, p in seen if hidden.keys().isdisjoint(p.slopes)}
+        return coefficients, parameters
+
+    def _coefficients(
+        self,
+        estimate: Estimate,
+        fixed: Mapping[str, tuple[float, str]],
+        sizes: Mapping[str, float],
+    ) -> dict[str, ValueEstimate]:
+        joint, estimates = self.joint, {}
+        for name in estimate.names:
+            if _base(name) not in joint.units:  # a delay
+                continue
+            # Only a coefficient of an optional term can be determined to be negligible.
+            size = sizes.get(name, np.inf) if _base(name) in joint.optional else np.inf
+            seen = *estimate.of(name), size, self.thresholds
+            estimates[name] = judged_value(name, self._unit_of(name), *seen)
+        for name, known in fixed.items():
+            estimates[name] = _exactly(name, self._unit_of(name), *known)
+        estimates |= self._tied(estimate, estimates)
+        doubts = _doubts(estimates)
+        estimates |= {
+            name: e.unknown(doubts[balance_of(name)])
+            for name, e in estimates.items()
+            if e.slopes and balance_of(name) in doubts
+        }
+        order = list(joint.units)
+        return dict(sorted(estimates.items(), key=lambda item: order.index(_base(item[0]))))
+
+    def _unit_of(self, coefficient: str) -> str:
+        return self.joint.unit_of(self.joint.units[_base(coefficient)], self.input_unit)
+
+    def _tied(
+        self, estimate: Estimate, known: Mapping[str, ValueEstimate]
+    ) -> dict[str, ValueEstimate]:
+        """Return the coefficients that follow from others, by the delta method."""
+        values = {name: found.value for name, found in known.items()}
+        found = {}
+        for name, (a, b, d) in self.unknowns.tied.items():
+            if a not in known or b not in known or d not in known:
+                continue
+            tie = Product(name, self._unit_of(name), {**Counter((a, b)), d: -1})
+            tied = judged_function(tie, values, estimate, self.thresholds)
+            if np.isfinite(tied.std) and known[a].verdict == "determined":  # perhaps as negligible
+                tied = replace(tied, verdict="determined", reason="")
+            found[name] = tied
+        return found
+
+    def _parameters(
+        self,
+        estimate: Estimate,
+        coefficients: Mapping[str, ValueEstimate],
+        exact: Mapping[str, tuple[float, str]],
+    ) -> dict[str, ValueEstimate]:
+        """Return the physical parameters that the coefficients determine, by the delta method.
+
+        A parameter with a coefficient that differs by log is given for each log. A sum is given if
+        it is known and one of its parts is not determined.
+        """
+        estimates: dict[str, ValueEstimate] = {}
+        doubts = _doubts(coefficients)
+        for recording in _one_recording_of_each_group(self.unknowns):
+            labels = _labels(self.unknowns, recording, coefficients)
+            values = {c: coefficients[label].value for c, label in labels.items()}
+            renamed = _renamed(estimate, labels)
+            for parameter in self.joint.parameters(labels, self.input_unit):
+                if parameter.name in exact:
+                    known = exact[parameter.name]
+                    estimates[parameter.name] = _exactly(parameter.name, parameter.unit, *known)
+                    continue
+                own = [labels[c] for c in parameter.coefficients]
+                of_group = next((label[label.index("[") :] for label in own if "[" in label), "")
+                found = judged_function(parameter, values, renamed, self.thresholds)
+                judged = self._judged_by(parameter, found, [coefficients[label] for label in own])
+                if isinstance(parameter, Sum) and (
+                    judged[0] == "undetermined"
+                    or all(estimates[part.name].verdict == "determined" for part in parameter.parts)
+                ):
+                    continue
+                name, (judgement, reason) = parameter.name + of_group, judged
+                slopes = {labels[c]: slope for c, slope in found.slopes.items()}
+                estimates[name] = replace(
+                    found, name=name, verdict=judgement, reason=reason, slopes=slopes
+                )
+                for doubt in filter(None, (doubts.get(balance_of(label)) for label in slopes)):
+                    estimates[name] = estimates[name].unknown(doubt)
+        return estimates
+
+    def _judged_by(
+        self, parameter: PhysicalParameter, found: ValueEstimate, made_of: Sequence[ValueEstimate]
+    ) -> Judged:
+        """Return the verdict on a parameter, by its interval and by those of its coefficients."""
+        verdicts = {coefficient.verdict for coefficient in made_of}
+        by_width = (verdict(c.value, c.interval, thresholds=self.thresholds)[0] for c in made_of)
+        if (
+            found.verdict != "determined"
+            and np.isfinite(found.interval).all()
+            and verdicts == {"determined"}
+            and {*by_width} != verdicts
+        ):
+            return "determined", ""  # its term is determined as negligible
+        if not found.slopes:
+            return found.verdict, min(c.reason for c in made_of)  # at its bound, or given
+        if isinstance(parameter, ZeroAngle) and verdicts == {"undetermined"}:
+            # Gravity may be zero here, and then the delta method fails for its angle.
+            return "undetermined", made_of[0].reason
+        return found.verdict, found.reason
 
 
-def _tied(
-    estimate: Estimate,
-    joint: Joint,
-    unknowns: Unknowns,
-    known: Mapping[str, ValueEstimate],
-    input_unit: str,
-    thresholds: Thresholds,
-) -> dict[str, ValueEstimate]:
-    """Return the coefficients that follow from others, by the delta method."""
-    values = {name: found.value for name, found in known.items()}
-    found = {}
-    for name, (a, b, d) in unknowns.tied.items():
-        if a not in known or b not in known or d not in known:
-            continue
-        tie = Product(
-            name, joint.unit_of(joint.units[name], input_unit), {**Counter((a, b)), d: -1}
-        )
-        tied = judged_function(tie, values, estimate, thresholds)
-        if np.isfinite(tied.std) and known[a].verdict == "determined":  # perhaps as negligible
-            tied = replace(tied, verdict="determined", reason="")
-        found[name] = tied
-    return found
+def _exactly(name: str, unit: str, value: float, reason: str) -> ValueEstimate:
+    """Return a known number, whose interval has no width."""
+    return ValueEstimate(name, unit, value, 0.0, (value, value), "determined", reason)
 
 
 def _doubts(estimates: Mapping[str, ValueEstimate]) -> dict[str, str]:
@@ -211,74 +291,6 @@ def _doubts(estimates: Mapping[str, ValueEstimate]) -> dict[str, str]:
             reason = f"{name} came out negative, which no spring or inertia can be"
             doubts.setdefault(balance_of(name), reason)
     return doubts
-
-
-def parameter_estimates(
-    joint: Joint,
-    estimate: Estimate,
-    unknowns: Unknowns,
-    coefficients: Mapping[str, ValueEstimate],
-    input_unit: str,
-    thresholds: Thresholds = THRESHOLDS,
-    exact: Mapping[str, tuple[float, str]] | None = None,
-) -> dict[str, ValueEstimate]:
-    """Return the physical parameters that the coefficients determine, by the delta method.
-
-    A parameter with a coefficient that differs by log is given for each log. An exactly known
-    parameter has zero width. A sum is given if it is known and one of its parts is not determined.
-    """
-    estimates: dict[str, ValueEstimate] = {}
-    doubts = _doubts(coefficients)
-    for recording in _one_recording_of_each_group(unknowns):
-        labels = _labels(unknowns, recording, coefficients)
-        values = {c: coefficients[label].value for c, label in labels.items()}
-        for parameter in joint.parameters(labels, input_unit):
-            if parameter.name in (exact or {}):
-                value, reason = (exact or {})[parameter.name]
-                estimates[parameter.name] = ValueEstimate(
-                    parameter.name, parameter.unit, value, 0.0, (value, value), "determined", reason
-                )
-                continue
-            own = [labels[c] for c in parameter.coefficients]
-            of_group = next((label[label.index("[") :] for label in own if "[" in label), "")
-            renamed = _renamed(estimate, labels)
-            found = judged_function(parameter, values, renamed, thresholds)
-            judged, reason = found.verdict, found.reason
-            made = [coefficients[label] for label in own]
-            if (
-                judged != "determined"
-                and np.isfinite(found.interval).all()
-                and all(c.verdict == "determined" for c in made)
-                and any(
-                    verdict(c.value, c.interval, thresholds=thresholds)[0] != "determined"
-                    for c in made
-                )
-            ):
-                judged, reason = "determined", ""  # its term is determined as negligible
-            elif not found.slopes:
-                reason = min(c.reason for c in made)  # at its bound, or given
-            elif isinstance(parameter, ZeroAngle) and all(
-                c.verdict == "undetermined" for c in made
-            ):
-                # Gravity may be zero here, and then the delta method fails for its angle.
-                judged, reason = "undetermined", made[0].reason
-            name = parameter.name + of_group
-            if isinstance(parameter, Sum) and (
-                judged == "undetermined"
-                or all(estimates[part.name].verdict == "determined" for part in parameter.parts)
-            ):
-                continue
-            estimates[name] = replace(
-                found,
-                name=name,
-                verdict=judged,
-                reason=reason,
-                slopes={labels[c]: slope for c, slope in found.slopes.items()},
-            )
-            for coefficient in found.slopes:
-                if doubt := doubts.get(balance_of(labels[coefficient])):
-                    estimates[name] = estimates[name].unknown(doubt)
-    return estimates
 
 
 def constant_estimates(
@@ -295,23 +307,6 @@ def constant_estimates(
         # A constant with infinite deviation was held fixed, not fitted.
         estimates[name] = found if np.isfinite(std) else replace(found, slopes={})
     return estimates
-
-
-def without_link(parameters: Mapping[str, ValueEstimate]) -> dict[str, ValueEstimate]:
-    """Return the parameters that depend on no coefficient of the link, which a clamp hides."""
-    return {
-        name: parameter
-        for name, parameter in parameters.items()
-        if all(balance_of(coefficient) != "link" for coefficient in parameter.slopes)
-    }
-
-
-def of_clamped_link(coefficient: ValueEstimate) -> ValueEstimate:
-    """Return the link's coefficient as exactly zero, as of an infinite inertia; others as is."""
-    if balance_of(coefficient.name) != "link":
-        return coefficient
-    exact = replace(coefficient, value=0.0, std=0.0, interval=(0.0, 0.0), slopes={})
-    return replace(exact, verdict="determined", reason="given")
 
 
 def without_unused_link(estimate: Estimate, values: Iterable[ValueEstimate]) -> Estimate:

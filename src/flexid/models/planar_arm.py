@@ -4,9 +4,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from flexid.models.flexible_joint import DECLARED
+from flexid.models.flexible_joint import DECLARED, STRIBECK_EXPONENT, STRIBECK_VELOCITY
 from flexid.models.motion import JointType
 from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
+
+STRIBECK_CONSTANTS = (STRIBECK_VELOCITY, STRIBECK_EXPONENT)
+"""Constants of each joint's Stribeck friction, without the joint's number."""
 
 JOINT_TERMS = tuple(JointTerm(name, **content) for name, content in DECLARED["arm"].items())
 """Terms that every joint of an arm may have; each torque but the input opposes the motion."""
@@ -23,6 +26,8 @@ class PlanarArm:
     # direction of each joint that slides: angle in rad from the link before; None: the joint turns.
     # Empty if all joints turn
     slides: tuple[float | None, ...] = ()
+    # velocity, in rad/s or m/s, and exponent of each motor's Stribeck friction; empty before a fit
+    stribeck: tuple[tuple[float, float], ...] = ()
 
     @property
     def joints(self) -> int:
@@ -50,6 +55,9 @@ def planar_arm(arm: PlanarArm) -> TorqueBalance:
     constants |= {"gx": arm.gravity[0], "gy": arm.gravity[1]}
     constants |= {f"d{i}": angle for i, angle in enumerate(arm.slides, 1) if angle is not None}
     links = _Links(arm.types)
+    for i, law in enumerate(arm.stribeck or ((1.0, 2.0),) * arm.joints, 1):
+        names = (f"{name}_{i}" for name in STRIBECK_CONSTANTS)
+        constants |= dict(zip(names, law, strict=True))
     body = tuple(term for k in range(1, arm.joints + 1) for term in links.terms(k))
     return TorqueBalance(f"planar arm of {arm.joints}", arm.types, JOINT_TERMS, body, constants)
 

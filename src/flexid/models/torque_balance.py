@@ -21,7 +21,8 @@ class JointTerm:
     name: str  # of its parameter, without the joint's number: joint 2 appends ``_2``
     place: Place  # where it acts. A spring acts on both sides
     # torque per unit of the parameter, opposed to the motion: a function of q, v and a of its side,
-    # for a spring of their differences (motor minus link), for an input of u
+    # for a spring of their differences (motor minus link), for an input of u. A constant has the
+    # joint's number in the balance: ``stribeck_velocity_2``
     expression: str
     unit: str  # of the parameter
     sign: int = 0  # 1 if it is never negative
@@ -51,7 +52,7 @@ class TorqueBalance:
     types: tuple[JointType, ...]  # type of each joint
     joint_terms: tuple[JointTerm, ...]  # terms of every joint
     body_terms: tuple[BodyTerm, ...]  # terms that couple the joints
-    # known lengths and gravity, by name. The equations do not contain the values
+    # lengths, gravity and Stribeck constants, by name. The equations do not contain the values
     constants: Mapping[str, float] = field(default_factory=dict)
 
     @property

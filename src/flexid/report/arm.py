@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from flexid.arms.result import ArmIdentification
+from flexid.models.motion import unit_of
 from flexid.report.chart import Chart
 from flexid.report.identification import estimates_table, verdict_reasons
 from flexid.report.page import logs_of
@@ -31,7 +32,12 @@ def parts(result: ArmIdentification) -> Iterator[Part]:
         yield f"Fits without disturbances were rejected: {result.disturbed_because}."
     if result.encoder_delays:
         each = ", ".join(f"{row} {1e3 * x:.3g} ms" for row, x in result.encoder_delays.items())
-        yield f"Delays of the link encoders relative to the motors': {each}."
+        yield f"Delays of encoders relative to the others: {each}."
+    for joint, (fall, exponent) in enumerate(result.arm.stribeck, 1):
+        if f"motor_stribeck_friction_{joint}" in result.parameters:
+            unit = unit_of("rad/s", result.arm.types[joint - 1])
+            law = f"over {fall:.2g} {unit}, exponent {exponent:g}"
+            yield f"Stribeck friction of motor {joint}: {law}."
     left = ", ".join(f"{name} {x:.2f}" for name, x in result.residual_excess.items())
     yield f"Residual over sensor noise (ideal: 1): {left}"
     yield f"Excitation: condition number {result.condition_number:.3g}"

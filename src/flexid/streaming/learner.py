@@ -11,7 +11,7 @@ from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.online import History
 from flexid.estimators.recursive_least_squares import recursive_least_squares
 from flexid.identification.estimation.knowledge import Joined, with_prior_knowledge
-from flexid.identification.judgement import coefficient_estimates, parameter_estimates
+from flexid.identification.judgement import Judge
 from flexid.identification.preparation.stated import Stated
 from flexid.identification.vocabulary.evidence import Estimate, ValueEstimate, quantile
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
@@ -169,15 +169,12 @@ class Findings:
 def findings(learner: Learner, states: States, estimate: Estimate, stated: Stated) -> Findings:
     """Return values, intervals and contradictions of an estimate with prior knowledge."""
     options = learner.options
-    joint, unknowns, unit = options.joint, options.unknowns, options.input_unit
     with np.errstate(all="ignore"):  # for extreme values
         joined = _joined(options, estimate, stated)
         fixed = {name: (value, "given") for name, value in options.given.items()}
         sizes = regressor_sizes(learner, states)
-        coefficients = coefficient_estimates(joined.estimate, joint, unknowns, sizes, fixed, unit)
-        parameters = parameter_estimates(
-            joint, joined.estimate, unknowns, coefficients, unit, exact=joined.exact
-        )
+        judge = Judge(options.joint, options.unknowns, options.input_unit)
+        coefficients, parameters = judge.judged(joined.estimate, fixed, sizes, joined.exact)
     departed = departures(
         options.reference, parameters, widths=LIMITS.departure, least=LIMITS.least_departure
     )

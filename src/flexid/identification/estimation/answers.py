@@ -51,7 +51,6 @@ from flexid.identification.structure.validation import validate
 from flexid.identification.vocabulary.evidence import (
     Disturbances,
     Estimate,
-    ModelError,
     Validation,
 )
 from flexid.identification.vocabulary.thresholds import Thresholds
@@ -94,7 +93,7 @@ class Answer:
     # reasons why coefficients are unknown in spite of their intervals
     doubts: tuple[Caution, ...] = ()
     # the unknown coefficients, of one balance or both
-    doubted: frozenset[str] = POSITIVE
+    doubted: frozenset[str] = frozenset()
     prediction: str = ""  # text on how well the spring predicts the deflection
     retreat: tuple[str, ...] = ()  # warning if the values do not come from all data
 
@@ -194,7 +193,7 @@ def _final_exact(job: Job, exact: Answer) -> Answer | None:
         return None
     doubts = delay_doubts(job, job.whole, entirely=True)
     if doubts:
-        return replace(exact, doubts=doubts, prediction=_BY_DELAY)
+        return replace(exact, doubts=doubts, doubted=POSITIVE, prediction=_BY_DELAY)
     return None if _is_short(exact, job) else exact
 
 
@@ -294,8 +293,9 @@ def _disturbed(job: Job) -> Answer:
     hidden = hidden_covariance(fits, certain=DISSIPATIVE)
     estimate, widest = disturbed_estimate(refitted, whole, hidden, is_voltage=job.is_voltage)
     sample_time = refitted.fitted.data.samples[0].sample_time
-    disturbances = Disturbances(refitted.shares, sample_time, refitted.input.removed_from(whole))
-    found = Answer(fits, validation, estimate, disturbances, refitted.cost, widest, retreat=retreat)
+    best, removed = refitted.best, refitted.input.removed_from(whole)
+    disturbances = Disturbances(best.shares, sample_time, removed)
+    found = Answer(fits, validation, estimate, disturbances, best.cost, widest, retreat=retreat)
     return _judged(found, undisturbed, job)
 
 
@@ -314,14 +314,4 @@ def _fits(found: "Disturbed", job: Job) -> FinalFits:
     by_length = FitsByLength((), (), True, tuple(job.holds), _BY_DISTURBANCES)
     choice = Choice(full.structure, fitted.structure, fitted, found.terms, (), by_length)
     rate = suited_rate(fitted, job.settings.filter_rate)
-    nothing = ModelError(0.0, 0.0, 0.0)
-    return FinalFits(
-        choice,
-        job.recordings,
-        fitted,
-        (fitted,),
-        nothing,
-        frozenset(),
-        full,
-        rate,
-    )
+    return FinalFits(choice, job.recordings, fitted, full, rate)

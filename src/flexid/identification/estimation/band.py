@@ -7,6 +7,7 @@ in the band of the resonance alone.
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Generic
 
 import numpy as np
@@ -22,6 +23,7 @@ from flexid.estimators.steady_gains import Sizes
 from flexid.identification.estimation.thinned_log import PER_PERIOD, directions, thinned
 from flexid.identification.full_model.fitting import motion_at, within_bounds
 from flexid.identification.full_model.model import LINK, Data, Fitted, M, Structure, sensor_noise
+from flexid.identification.preparation.joint import Joint
 from flexid.identification.structure.link_delay import shifted
 from flexid.identification.structure.sought_terms import reflected
 from flexid.identification.structure.validation import Follower, from_fitted_states
@@ -107,54 +109,91 @@ class InBand(Generic[M]):
         return Fitted(self.structure, self.data, problem, minimum, self.segment)
 
 
-def fit_in_band(
-    structure: Structure,
-    data: Data,
-    factor: int,
-    start: Mapping[str, float],
-    sizes: Sizes | None = None,
-    *,
-    of_band: bool = True,
-) -> FitInBand:
-    """Fit a structure to a log in its band, within bounds.
+@dataclass(frozen=True, eq=False)
+class Band:
+    """Log as recorded, which is fitted in its joint's band."""
 
-    `of_band` is whether the given sizes belong to this band.
-    """
-    own = thinned(data, factor, held=structure.timing.hold == "zero")
-    noise = noise_in_band(own)
-    if sizes is not None and not of_band:  # gains for less noise make the steps diverge
-        sizes = replace(sizes, sensors=np.maximum(sizes.sensors, noise))
-    late = {**structure.timing.delays, **start}.get(LINK, 0.0)
-    in_band = InBand(
-        structure,
-        own,
-        directions_on_time(data, late, factor),
-        slowest_disturbance(own, rigid=structure.joint.kind == "rigid"),
-        noise,
-        own.duration,
-        _INTEGRATION,
-    )
-    last: list[FitInBand] = []
+    data: Data  # as recorded
+    factor: int  # thinning factor
 
-    def fitted_from(begun: Mapping[str, float]) -> Fitted:
-        def fit(bounded: Structure) -> Fitted:
-            held = bounded if factor == 1 else bounded.with_hold("cubic")
-            last.append(replace(in_band, structure=held).fit(begun, sizes))
-            return last[-1].fitted
+    def fit(
+        self,
+        structure: Structure,
+        start: Mapping[str, float],
+        sizes: Sizes | None = None,
+        *,
+        of_band: bool = True,  # whether the given sizes belong to this band
+    ) -> "JointInBand":
+        """Fit a structure within bounds."""
+        data, factor = self.data, self.factor
+        own = thinned(data, factor, held=structure.timing.hold == "zero")
+        noise = noise_in_band(own)
+        if sizes is not None and not of_band:  # gains for less noise make the steps diverge
+            sizes = replace(sizes, sensors=np.maximum(sizes.sensors, noise))
+        late = {**structure.timing.delays, **start}.get(LINK, 0.0)
+        in_band = InBand(
+            structure,
+            own,
+            directions_on_time(data, late, factor),
+            slowest_disturbance(own, rigid=structure.joint.kind == "rigid"),
+            noise,
+            own.duration,
+            _INTEGRATION,
+        )
+        last: list[FitInBand] = []
 
-        return within_bounds(structure, data, fit)
+        def fitted_from(begun: Mapping[str, float]) -> Fitted:
+            def fit(bounded: Structure) -> Fitted:
+                held = bounded if factor == 1 else bounded.with_hold("cubic")
+                last.append(replace(in_band, structure=held).fit(begun, sizes))
+                return last[-1].fitted
 
-    fitted = fitted_from(start)
-    if (positive := reflected(fitted.by_name)) != fitted.by_name:
-        fitted = fitted_from(positive)
-    found = fitted.delays.get(LINK, 0.0)
-    if abs(found - late) > _LATE * own.samples[0].sample_time:
-        in_band = replace(in_band, directions=directions_on_time(data, found, factor))
-        sizes = last[-1].sizes
-        fitted = fitted_from(fitted.by_name)
-    return replace(
-        last[-1], fitted=replace(fitted, structure=structure.beginning_at(fitted.by_name))
-    )
+            return within_bounds(structure, data, fit)
+
+        fitted = fitted_from(start)
+        if (positive := reflected(fitted.by_name)) != fitted.by_name:
+            fitted = fitted_from(positive)
+        found = fitted.delays.get(LINK, 0.0)
+        if abs(found - late) > _LATE * own.samples[0].sample_time:
+            in_band = replace(in_band, directions=directions_on_time(data, found, factor))
+            sizes = last[-1].sizes
+            fitted = fitted_from(fitted.by_name)
+        fitted = replace(fitted, structure=structure.beginning_at(fitted.by_name))
+        return JointInBand(fitted, last[-1].sizes, last[-1].cost, self)
+
+    def fits(
+        self, begun: Iterable[tuple[Structure, Mapping[str, float]]]
+    ) -> Iterator["JointInBand"]:
+        """Yield the fits from starts that converge."""
+        for structure, start in begun:
+            with suppress(ConvergenceError):
+                yield self.fit(structure, start)
+
+
+@dataclass(frozen=True, eq=False)
+class JointInBand(FitInBand[Joint]):
+    """Fit of a joint with disturbances to a log in its band."""
+
+    band: Band
+
+    @cached_property
+    def shares(self) -> dict[str, float]:
+        """Unexplained share of each balance: disturbance and sensor errors beyond noise."""
+        data, segments = self.fitted.data, self.fitted.problem.segments
+        squares, count = np.zeros(len(self.sizes.disturbances)), 0
+        for samples in data.samples:
+            assert samples.velocities is not None
+            rates = np.gradient(samples.velocities, samples.sample_time, axis=0)
+            squares, count = squares + np.sum(rates**2, axis=0), count + len(rates)
+        shares = self.sizes.disturbances**2 * count / np.maximum(squares, np.finfo(float).tiny)
+        joint = self.fitted.structure.joint
+        if joint.kind != "rigid":
+            moved = np.var(joint.channels_of(segments.outputs, segments.inputs)[:, -1])
+            # An error of either position acts on both rows through the spring.
+            beyond = np.sum(np.maximum(self.sizes.sensors**2 - noise_in_band(data) ** 2, 0.0))
+            shares = shares + beyond / max(float(moved), np.finfo(float).tiny)
+        names = [_side(row.name) for row in self.fitted.problem.unknowns.system.rows]
+        return dict(zip(names, np.minimum(np.sqrt(shares), 1.0).tolist(), strict=True))
 
 
 def directions_on_time(
@@ -164,37 +203,9 @@ def directions_on_time(
     return directions(shifted(data, late).samples if late else data.samples, factor, in_band)
 
 
-def fits_in_band(
-    begun: Iterable[tuple[Structure, Mapping[str, float]]], data: Data, factor: int
-) -> Iterator[FitInBand]:
-    """Yield the fits from starts that converge."""
-    for structure, start in begun:
-        with suppress(ConvergenceError):
-            yield fit_in_band(structure, data, factor, start)
-
-
 def cost_of(fit: FitInBand) -> float:
     """Return the cost of a fit."""
     return fit.cost
-
-
-def shares_of(fitted: Fitted, sizes: Sizes) -> dict[str, float]:
-    """Return each balance's unexplained share: disturbance and sensor errors beyond noise."""
-    data, segments = fitted.data, fitted.problem.segments
-    squares, count = np.zeros(len(sizes.disturbances)), 0
-    for samples in data.samples:
-        assert samples.velocities is not None
-        rates = np.gradient(samples.velocities, samples.sample_time, axis=0)
-        squares, count = squares + np.sum(rates**2, axis=0), count + len(rates)
-    shares = sizes.disturbances**2 * count / np.maximum(squares, np.finfo(float).tiny)
-    joint = fitted.structure.joint
-    if joint.kind != "rigid":
-        moved = np.var(joint.channels_of(segments.outputs, segments.inputs)[:, -1])
-        # An error of either position acts on both rows through the spring.
-        beyond = np.sum(np.maximum(sizes.sensors**2 - noise_in_band(data) ** 2, 0.0))
-        shares = shares + beyond / max(float(moved), np.finfo(float).tiny)
-    names = [_side(row.name) for row in fitted.problem.unknowns.system.rows]
-    return dict(zip(names, np.minimum(np.sqrt(shares), 1.0).tolist(), strict=True))
 
 
 def _side(row: str) -> str:

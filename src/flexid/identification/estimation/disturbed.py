@@ -5,26 +5,22 @@ errors of one row do not affect the other. The fit assumes random disturbances. 
 widen the intervals in `flexid.identification.estimation.disturbed_estimate`.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.samples import side_by_side
-from flexid.estimators.steady_gains import Sizes
 from flexid.identification.estimation.band import (
-    FitInBand,
+    Band,
+    JointInBand,
     cost_of,
     directions_on_time,
-    fit_in_band,
-    fits_in_band,
     observer_following,
-    shares_of,
 )
 from flexid.identification.estimation.input_noise import InputChoice, likelier_input
 from flexid.identification.estimation.thinned_log import thinned, thinning
@@ -46,6 +42,7 @@ from flexid.identification.structure.sought_terms import (
     PARALLEL,
     PRESLIDING,
     PROGRESSIVE,
+    SCALES,
     STRIBECK,
     TRANSMISSION,
 )
@@ -70,16 +67,16 @@ _SKEWED = 0.5  # least share of the deflection's variance that a start with a de
 class Disturbed:
     """Structure fitted with disturbances."""
 
-    fitted: Fitted  # fit of the thinned log, with innovations as residuals
+    best: JointInBand  # fit of the thinned log
     full: Fitted  # fit with all usual terms
     terms: tuple[TermEvidence, ...]  # evidence on each term
-    sizes: Sizes  # sizes of noise and disturbances
-    # root mean square of each balance's unexplained part over its acceleration
-    shares: Mapping[str, float]
-    factor: int  # thinning factor
-    cost: float  # -2 log likelihood
     by_play: float  # relative increase of the stiffness with play instead of hardening
     input: InputChoice
+
+    @property
+    def fitted(self) -> Fitted:
+        """Fit of the thinned log, with innovations as residuals."""
+        return self.best.fitted
 
 
 def fit_disturbed(
@@ -104,117 +101,106 @@ def fit_disturbed(
             factor = thinning(data, _start(structure, data))
     # A low-passed input has no steps, so hold and delay are indistinguishable.
     tried = [structure.with_hold(hold) for hold in (holds if factor == 1 else holds[:1])]
-    full = _likeliest(tried, data, factor)
-    if max(shares_of(full.fitted, full.sizes).values()) > _WRONG_MINIMUM:
-        full = min([full, *_from_few_terms(full, data, factor)], key=cost_of)
-    full, chosen = likelier_input(full, data, factor)
-    logged, data = data, chosen.of(data)
+    full = _likeliest(tried, Band(data, factor))
+    if max(full.shares.values()) > _WRONG_MINIMUM:
+        full = min([full, *_from_few_terms(full)], key=cost_of)
+    full, chosen = likelier_input(full)
     if with_shapes:
-        full, by_play = _with_unusual_terms(full, data, factor, kept)
+        full, by_play = _with_unusual_terms(full, kept)
     else:
-        by_play = _doubtful_play(full, data)
+        by_play = _doubtful_play(full)
     # Each unusual term has made the fit clearly likelier. A test of its value alone has less power:
     # a hysteresis and its reach may be inseparable.
     own = full.fitted.structure
     stays = {*kept, *(own.joint.shapes - own.absent)}
-    best, evidence = _with_shown_terms(full, data, factor, stays, thresholds)
+    best, evidence = _with_shown_terms(full, stays, thresholds)
     if is_damping(best.fitted.by_name):  # delay and friction are equivalent to one damping
         without = structure.without({LINK})
-        return fit_disturbed(without, logged, kept, holds, thresholds, with_shapes=with_shapes)
-    best = with_width_of_gap(best, data, factor)
-    shares = shares_of(best.fitted, best.sizes)
-    rest = factor, best.cost, by_play, chosen
-    return Disturbed(best.fitted, full.fitted, evidence, best.sizes, shares, *rest)
+        return fit_disturbed(without, data, kept, holds, thresholds, with_shapes=with_shapes)
+    return Disturbed(with_width_of_gap(best), full.fitted, evidence, by_play, chosen)
 
 
-def _with_unusual_terms(
-    full: FitInBand, data: Data, factor: int, kept: Collection[str]
-) -> tuple[FitInBand, float]:
+def _with_unusual_terms(full: JointInBand, kept: Collection[str]) -> tuple[JointInBand, float]:
     """Return the fit with all unusual terms that are likely, and the spring's doubt by play."""
     # The error of a transmission hides all other laws of the spring.
-    full = with_shape(TRANSMISSION, full, data, factor, kept)
-    full = with_shape(PARALLEL, full, data, factor, kept)
+    full = with_shape(TRANSMISSION, full, kept)
+    full = min([full, *(with_shape(one, full, kept) for one in (SCALES, PARALLEL))], key=cost_of)
     # Friction of the load hides which spring the motor's balance shows, and the other way round.
-    full = with_shape(LOADED, full, data, factor, kept)
-    likely = likely_play(full.fitted.structure, data)
-    played, by_play = with_play(full, likely, data, factor) if likely else (full, 0.0)
-    bent = with_shape(BEND, full, data, factor, kept)
-    stiffening = with_shape(PROGRESSIVE, full, data, factor, kept)
-    best = min((played, bent, stiffening, *with_hysteresis(full, data, factor)), key=cost_of)
+    full = with_shape(LOADED, full, kept)
+    likely = likely_play(full.fitted.structure, full.band.data)
+    played, by_play = with_play(full, likely) if likely else (full, 0.0)
+    bent = with_shape(BEND, full, kept)
+    stiffening = with_shape(PROGRESSIVE, full, kept)
+    best = min((played, bent, stiffening, *with_hysteresis(full)), key=cost_of)
     if best is not played:  # another law explains what looked like play
         by_play = 0.0
     if best is bent and bent is not full:  # a bent spring may have hysteresis as well
-        best = min([best, *with_hysteresis(best, data, factor)], key=cost_of)
-    best = with_shape(LOADED, best, data, factor, kept)
-    falling = with_shape(STRIBECK, best, data, factor, kept)
-    best = with_shape(PRESLIDING, falling, data, factor, kept)
+        best = min([best, *with_hysteresis(best)], key=cost_of)
+    best = with_shape(LOADED, best, kept)
+    falling = with_shape(STRIBECK, best, kept)
+    best = with_shape(PRESLIDING, falling, kept)
     if best is not falling:  # presliding may have hidden that friction falls
-        best = with_shape(STRIBECK, best, data, factor, kept)
+        best = with_shape(STRIBECK, best, kept)
     return best, by_play
 
 
-def _doubtful_play(full: FitInBand, data: Data) -> float:
+def _doubtful_play(full: JointInBand) -> float:
     """Return the relative increase of the stiffness by play that a flexible joint may have."""
     structure = full.fitted.structure
-    likely = None if structure.joint.kind == "rigid" else likely_play(structure, data)
+    rigid = structure.joint.kind == "rigid"
+    likely = None if rigid else likely_play(structure, full.band.data)
     return likely.doubt if likely else 0.0
 
 
-def _likeliest(tried: Sequence[Structure], data: Data, factor: int) -> FitInBand:
+def _likeliest(tried: Sequence[Structure], band: Band) -> JointInBand:
     """Return the likeliest fit of several structures from least-squares starts."""
     begun = (
         (structure, start)
         for structure in tried
-        for start in _starts(structure, thinned(data, factor, held=structure.timing.hold == "zero"))
+        for own in [thinned(band.data, band.factor, held=structure.timing.hold == "zero")]
+        for start in _starts(structure, own)
     )
-    every = side_by_side(lambda start: [*fits_in_band([start], data, factor)], begun)
+    every = side_by_side(lambda start: [*band.fits([start])], begun)
     found = [*chain.from_iterable(every)]
     if not found:
         raise no_start()
     return min(found, key=lambda fit: (not fit.fitted.has_partners, fit.cost))
 
 
-def _from_few_terms(full: FitInBand, data: Data, factor: int) -> Iterator[FitInBand]:
+def _from_few_terms(full: JointInBand) -> Iterator[JointInBand]:
     """Yield the fit of the full structure started from a fit of the paper's terms alone."""
     structure, of_the_paper = full.fitted.structure, flexible_joint().coefficients
+    data = full.band.data
     names = dict.fromkeys(structure.unknowns(data.groups).names, 0.0)
     more = {name for name in names if name.partition("[")[0] not in of_the_paper}
     if more >= names.keys():  # the inertia of a rigid joint is given
         return
     few = structure.without(more | {*structure.timing.sought})
-    for found in fits_in_band([(few, _start(few, data))], data, factor):
+    for found in full.band.fits([(few, _start(few, data))]):
         delays = dict.fromkeys(structure.timing.sought, 0.0)
         start = {**names, **delays, **found.fitted.by_name}
-        yield from fits_in_band([(structure, start)], data, factor)
+        yield from full.band.fits([(structure, start)])
 
 
 def _with_shown_terms(
-    full: FitInBand, data: Data, factor: int, kept: Collection[str], thresholds: Thresholds
-) -> tuple[FitInBand, tuple[TermEvidence, ...]]:
+    full: JointInBand, kept: Collection[str], thresholds: Thresholds
+) -> tuple[JointInBand, tuple[TermEvidence, ...]]:
     """Return the fit of the terms that the log shows, and the evidence on each term."""
     best, evidence = full, ()
     for chance in (thresholds.term_chance, thresholds.generous_chance):
         asked = replace(thresholds, friction_sign=np.inf, term_chance=chance)
         for _ in range(_ROUNDS):
-            found = _without_hidden_terms(best, kept, asked, data, factor)
-            evidence = latest(evidence, found.evidence)
-            if found.fit is best:
+            before, (best, own) = best, _without_hidden_terms(best, kept, asked)
+            evidence = latest(evidence, own)
+            if best is before:
                 break
-            best = found.fit
     return best, evidence
 
 
-class _Eliminated(NamedTuple):
-    """Fit after an elimination, and the evidence on each term."""
-
-    fit: FitInBand
-    evidence: Sequence[TermEvidence]
-
-
 def _without_hidden_terms(
-    best: FitInBand, kept: Collection[str], asked: Thresholds, data: Data, factor: int
-) -> _Eliminated:
-    """Return the fit without the terms that the log does not show; `best` if all are needed."""
+    best: JointInBand, kept: Collection[str], asked: Thresholds
+) -> tuple[JointInBand, Sequence[TermEvidence]]:
+    """Return the fit without terms that the log does not show, or `best`, and the evidence."""
     # The log shows terms of an undetermined direction together, such as an offset and the dry
     # friction of a side that turns one way. They may be needed although it shows none of them.
     together = {name for name, free in zip(best.fitted.names, _free(best), strict=True) if free}
@@ -222,44 +208,44 @@ def _without_hidden_terms(
     for stay in ({*kept}, {*kept} | together):
         # Every drive has friction. Without it, disturbances and inertias take its place.
         leaner, own = eliminate(best.fitted, stay, asked, likely=DISSIPATIVE)
-        other = _leaner(leaner, best, data, factor)
+        other = _leaner(leaner, best)
         if other is not None:
-            return _Eliminated(other, own)
+            return other, own
         if not together:
             break
-    return _Eliminated(best, [replace(term, kept=True) for term in own])
+    return best, [replace(term, kept=True) for term in own]
 
 
-def _free(fit: FitInBand) -> NDArray[np.bool_]:
+def _free(fit: JointInBand) -> NDArray[np.bool_]:
     """Return a mask of values with a component in an undetermined direction."""
     return fit.fitted.minimum.reduced.free
 
 
-def _leaner(leaner: Structure, best: FitInBand, data: Data, factor: int) -> FitInBand | None:
+def _leaner(leaner: Structure, best: JointInBand) -> JointInBand | None:
     """Return the fit of a leaner structure; None if not leaner, diverged or clearly worse."""
     before = best.fitted.structure
     if leaner.absent == before.absent and leaner.timing.sought == before.timing.sought:
         return None
     try:
-        other = fit_in_band(leaner, data, factor, best.fitted.by_name, best.sizes)
+        other = best.band.fit(leaner, best.fitted.by_name, best.sizes)
     except ConvergenceError:
         return None
     return None if _is_known(best) and _leaves_more(other, best) else other
 
 
-def _is_known(fit: FitInBand) -> bool:
+def _is_known(fit: JointInBand) -> bool:
     """Whether the fit converged, and a short log has enough blocks for all terms."""
     known = np.isfinite(fit.fitted.fit.deviations) | _free(fit)
     return fit.fitted.converged and bool(known.all())
 
 
-def _leaves_more(leaner: FitInBand, fuller: FitInBand) -> bool:
+def _leaves_more(leaner: JointInBand, fuller: JointInBand) -> bool:
     """Whether the leaner fit is less likely and leaves clearly more unexplained."""
     # Both are required. A fit may be in a wrong minimum whose sizes explain all motion as noise.
     before, after = (
         # If no sizes fit the residuals, innovations are larger than the sizes predict.
-        {side: share * f.fitted.excess**0.5 for side, share in shares_of(f.fitted, f.sizes).items()}
-        for f in (fuller, leaner)
+        {side: share * fit.fitted.excess**0.5 for side, share in fit.shares.items()}
+        for fit in (fuller, leaner)
     )
     # The balances count one by one: one that is unexplained anyway would hide the other.
     left = (after[side] > _CLEARLY_MORE * max(before[side], _SMALL_SHARE) for side in before)
@@ -268,29 +254,27 @@ def _leaves_more(leaner: FitInBand, fuller: FitInBand) -> bool:
 
 def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
     """Fit the same structures to other data of the same drive, as logged."""
-    data, structure, factor = found.input.of(data), found.fitted.structure, found.factor
-    own = fit_in_band(structure, data, factor, found.fitted.by_name, found.sizes)
-    own = with_width_of_gap(own, data, factor)
+    band, structure = replace(found.best.band, data=found.input.of(data)), found.fitted.structure
+    own = with_width_of_gap(band.fit(structure, found.fitted.by_name, found.best.sizes))
     full = found.full  # used for hidden terms if the full fit to these data fails
     with suppress(ConvergenceError):
-        fuller = fit_in_band(full.structure, data, factor, full.by_name, own.sizes)
-        if not fuller.fitted.converged:  # its values of removed terms would be wrong
-            other = fit_in_band(full.structure, data, factor, own.fitted.by_name, own.sizes)
+        fuller = band.fit(full.structure, full.by_name, own.sizes)
+        # Values of removed terms are wrong without convergence, or in a wrong minimum.
+        if not fuller.fitted.converged or fuller.cost > own.cost:
+            other = band.fit(full.structure, own.fitted.by_name, own.sizes)
             fuller = min(fuller, other, key=cost_of)
         full = fuller.fitted
         if _leaves_more(own, fuller):  # a wrong minimum, since it was not worse before
-            other = fit_in_band(structure, data, factor, full.by_name, fuller.sizes)
+            other = band.fit(structure, full.by_name, fuller.sizes)
             own = min(own, other, key=cost_of)
-    shares = shares_of(own.fitted, own.sizes)
-    rest = {"sizes": own.sizes, "shares": shares, "cost": own.cost}
-    return replace(found, fitted=own.fitted, full=full, **rest)
+    return replace(found, best=own, full=full)
 
 
 def follower(found: Disturbed, data: Data) -> Follower:
     """Return a follower that predicts a log as recorded from the states of the fit's observer."""
-    late = found.fitted.delays.get(LINK, 0.0)
-    directed = directions_on_time(data, late, 1, found.factor)
-    return observer_following(directed, found.sizes, found.factor)
+    late, factor = found.fitted.delays.get(LINK, 0.0), found.best.band.factor
+    directed = directions_on_time(data, late, 1, factor)
+    return observer_following(directed, found.best.sizes, factor)
 
 
 def _start(structure: Structure, data: Data) -> dict[str, float]:

@@ -15,12 +15,13 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.normal_equations import scaled_inverse
 from flexid.estimators.samples import side_by_side
 from flexid.estimators.state_variable_filter import RowFit
-from flexid.identification.estimation.band import fit_in_band, shares_of
+from flexid.identification.estimation.band import Band
 from flexid.identification.estimation.disturbed import Disturbed
 from flexid.identification.estimation.doubts import (
     CABLE,
     DOUBTS,
     ECCENTRICITY,
+    GAUGE,
     HIDDEN,
     LINK_GRAVITY,
     OF_A_BAND,
@@ -30,6 +31,7 @@ from flexid.identification.estimation.doubts import (
     between_bands,
     between_halves,
     covariance_of,
+    no_errors,
     widened,
 )
 from flexid.identification.estimation.excitations import row_sizes
@@ -45,92 +47,96 @@ from flexid.identification.full_model.model import LINK, Data, Fitted
 from flexid.identification.full_model.starting import least_squares_start, suited_rate
 from flexid.identification.structure.gap import LIKELIER, with_free_width
 from flexid.identification.vocabulary.evidence import Estimate
-from flexid.models.flexible_joint import DAMPING, HARDENING, PLAY, SHAPE_TERMS
+from flexid.models.flexible_joint import DAMPING, HARDENING, PLAY, SHAPE_TERMS, SPRING
 
 _BANDS = (0.5, 2.0)  # factors of the usual number of samples per period
 
 
 def disturbed_estimate(
-    found: Disturbed, data: Data, hidden: FloatArray | float = 0.0, *, is_voltage: bool
+    found: Disturbed, logged: Data, hidden: FloatArray | float = 0.0, *, is_voltage: bool
 ) -> tuple[Estimate, dict[str, str]]:
     """Return the estimate with all doubts in its covariance, and the main cause of each variance.
 
     `hidden` is the covariance, shape (k, k), from removed terms.
     """
-    fitted, logged, data = found.fitted, data, found.input.of(data)
+    fitted, band = found.fitted, found.best.band
     estimate = fitted.fit.at_least(fitted.unit_deviations)
     estimate = with_free_width(estimate, fitted)
-    names = fitted.names
     # A spring that hardens may be one with play.
-    may_have_play = PLAY.isdisjoint(names) and not HARDENING.isdisjoint(names)
+    may_have_play = PLAY.isdisjoint(fitted.names) and not HARDENING.isdisjoint(fitted.names)
     squares = least_squares_start(fitted.structure, fitted.data, suited_rate(fitted))[1]
-    doubted = Doubted(
-        fitted,
-        row_sizes(squares.rows),
-        dict(found.shares),
-        is_voltage,
-        _by_gauge(found, data),
-        by_cable(fitted, squares.rows[0]),
-        by_eccentricity(fitted),
-        by_damping(found, data),
-        _by_input_noise(found, logged),
-        found.by_play if may_have_play else 0.0,
-    )
+    sizes, by_play = row_sizes(squares.rows), found.by_play if may_have_play else 0.0
+    doubted = Doubted(fitted, sizes, found.best.shares, is_voltage, by_play)
     errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]
+    errors += [
+        (by_cable(fitted, squares.rows[0]), "a cable may act like gravity"),
+        (by_eccentricity(fitted), "encoder errors once per turn may look like it"),
+        (by_gauge(found), "nothing confirms the scale of the deflection's sensor"),
+        (by_damping(found), "damping of the joint may look like a late link encoder"),
+        (by_input_noise(found, logged), "the input's noise may come from its sensor"),
+    ]
     if fitted.converged:  # otherwise there is nothing to compare other fits with
         own = Repeat(fitted.values, np.diag(estimate.covariance))
-        errors.append((between_bands(own, _in_other_bands(found, data)), OF_A_BAND))
-        one, other = side_by_side(lambda half: _refit(found, half, found.factor), data.halves())
+        errors.append((between_bands(own, _in_other_bands(found)), OF_A_BAND))
+        halves = (replace(band, data=half) for half in band.data.halves())
+        one, other = side_by_side(lambda half: _refit(found, half), halves)
         errors += [(between_halves(one, other), OF_A_HALF)] if one and other else []
     every = [(covariance_of(directions), words) for directions, words in errors]
     return widened(estimate, [*every, (np.broadcast_to(hidden, estimate.covariance.shape), HIDDEN)])
 
 
-def _by_input_noise(found: Disturbed, logged: Data) -> FloatArray:
-    """Return the likely error of each value, shape (k,), by noise of the input's sensor."""
-    none = np.zeros(len(found.fitted.names))
+def by_input_noise(found: Disturbed, logged: Data) -> FloatArray:
+    """Return errors by noise of the input's sensor, or since it was taken for such noise."""
     if found.input.left == 0.0 or not found.fitted.converged:
-        return none
-    other = _refit(found, found.input.other_of(logged), found.factor)
-    return none if other is None else found.input.left * (other.values - found.fitted.values)
+        return no_errors(found.fitted)
+    other = _refit(found, replace(found.best.band, data=found.input.other_of(logged)))
+    change = 0.0 if other is None else other.values - found.fitted.values
+    return np.broadcast_to(found.input.left * change, found.fitted.values.shape)[:, None]
 
 
-def by_damping(found: Disturbed, data: Data) -> FloatArray | None:
-    """Return the change of each value, shape (k,), with damping instead of a late link encoder.
+def by_damping(found: Disturbed) -> FloatArray:
+    """Return errors if the delay of the link's encoder is in part a damping of the joint.
 
-    None if the delay explains clearly more of a balance. In the motor's balance they are alike, and
-    what pushes the link may hide the difference in its own.
+    There are none if the delay explains clearly more of a balance. In the motor's balance they are
+    alike, and what pushes the link may hide the difference in its own.
     """
     fitted, structure = found.fitted, found.fitted.structure
-    names, values = fitted.names, fitted.by_name
+    names, values, none = fitted.names, fitted.by_name, no_errors(fitted)
     is_absent = DAMPING.isdisjoint({*names, *structure.fixed})
     if not ({LINK, "alpha1"} <= values.keys() and is_absent):
-        return None
+        return none
     other = replace(structure, absent=structure.absent - DAMPING).without({LINK})
     start = {**values, "alpha_damping": values["alpha1"] * values[LINK]}
     try:
-        fit = fit_in_band(other, data, found.factor, start, found.sizes)
+        fit = found.best.band.fit(other, start, found.best.sizes)
     except ConvergenceError:
-        return None
-    shares = shares_of(fit.fitted, fit.sizes)
-    if any(LIKELIER * shares[side] ** 2 > share**2 for side, share in found.shares.items()):
-        return None
+        return none
+    shares = found.best.shares.items()
+    if any(LIKELIER * fit.shares[side] ** 2 > share**2 for side, share in shares):
+        return none
     own = {**values, **fit.fitted.by_name, LINK: 0.0}
-    return np.array([own[name] for name in names]) - fitted.values
+    change = np.array([own[name] for name in names]) - fitted.values
+    return change[:, None] / np.sqrt(3.0)  # uniform between none and all of it
 
 
-def _by_gauge(found: Disturbed, data: Data) -> FloatArray | None:
-    """Return the change of each value, shape (k,), if the deflection sensor reads 1 % more."""
-    if not data.relative_to:
-        return None
-    other = _refit(found, _rescaled(data, 1.01), found.factor)
-    return (
-        np.zeros(len(found.fitted.names)) if other is None else other.values - found.fitted.values
-    )
+def by_gauge(found: Disturbed) -> FloatArray:
+    """Return errors by the scale of a deflection sensor, which nothing else in the log shows.
+
+    The error of a spring is at least that of the scale.
+    """
+    fitted, band = found.fitted, found.best.band
+    if not band.data.relative_to:
+        return no_errors(fitted)
+    other = _refit(found, replace(band, data=_rescaled(band.data, 1.01)))
+    change = 0.0 if other is None else 100.0 * (other.values - fitted.values)
+    springs = np.array([name in SPRING for name in fitted.names])
+    least = np.where(springs, np.abs(fitted.values), 0.0)
+    grown = np.where(np.signbit(change), -1.0, 1.0) * np.maximum(np.abs(change), least)
+    return GAUGE * grown[:, None]
 
 
-def by_cable(fitted: Fitted, row: RowFit) -> FloatArray | None:
-    """Return errors of gravity, shape (k, 2), by a cable that pulls the link back.
+def by_cable(fitted: Fitted, row: RowFit) -> FloatArray:
+    """Return errors of gravity by a cable that pulls the link back.
 
     `row` is the link's row of least squares. A cable has a prior size, in proportion to the link's
     acceleration. If the link moves far, the log shows how large it is, since the torque of a cable
@@ -139,7 +145,7 @@ def by_cable(fitted: Fitted, row: RowFit) -> FloatArray | None:
     structure, (cable,) = fitted.structure, SHAPE_TERMS["parallel_spring"].link
     gravity = np.array([name in LINK_GRAVITY for name in fitted.names])
     if not gravity.any() or cable in fitted.names:
-        return None
+        return no_errors(fitted)
     wider = replace(structure, absent=structure.absent - {cable})
     seen = expanded(wider.with_hold(fitted.problem.timing.hold), fitted)
     place = seen.names.index(cable)
@@ -155,22 +161,23 @@ def by_cable(fitted: Fitted, row: RowFit) -> FloatArray | None:
     return gravity[:, None] * np.column_stack((spread, mean))[own]
 
 
-def by_eccentricity(fitted: Fitted) -> FloatArray | None:
-    """Return errors of gravity, shape (k, 3) or (k, 1), by an encoder error once per turn.
+def by_eccentricity(fitted: Fitted) -> FloatArray:
+    """Return errors of the values by an encoder error once per turn.
 
     In the link's balance such an error looks like gravity, through the spring. The motor's torque
-    balances gravity alone. So the log may show how large the error is. If the motion diverges with
-    such an error, gravity may be wrong by as much as its value.
+    balances gravity alone, so where gravity bends the spring most, its stiffness is wrong as well.
+    The log may show how large the error is. If the motion diverges with such an error, gravity may
+    be wrong by as much as its value.
     """
     gravity = np.array([name in LINK_GRAVITY for name in fitted.names])
     if fitted.data.relative_to or not gravity.any():
-        return None
+        return no_errors(fitted)
     angle = fitted.problem.segments.outputs[:, 0]
     errors = [ECCENTRICITY * wave(angle) for wave in (np.sin, np.cos)]
     for share in (SHARE, SMALL_SHARE):
         rigs = [with_sensor_error(fitted, 0, error, share) for error in errors]
         with suppress(ConvergenceError):
-            return gravity[:, None] * likely_changes(fitted, rigs, _scatter(fitted), share)
+            return likely_changes(fitted, rigs, _scatter(fitted), share)
     return (gravity * fitted.values)[:, None]
 
 
@@ -195,26 +202,21 @@ def _rescaled(data: Data, scale: float) -> Data:
     return replace(data, samples=tuple(rescaled))
 
 
-def _in_other_bands(found: Disturbed, data: Data) -> list[Repeat]:
+def _in_other_bands(found: Disturbed) -> list[Repeat]:
     """Fit the structure in a wider and a narrower band, if the log allows them."""
-    factors = {thinning(data, found.fitted.by_name, share * PER_PERIOD) for share in _BANDS} - {
-        found.factor
-    }
-    others = side_by_side(lambda factor: _refit(found, data, factor), sorted(factors))
+    band, values = found.best.band, found.fitted.by_name
+    factors = {thinning(band.data, values, share * PER_PERIOD) for share in _BANDS} - {band.factor}
+    bands = (replace(band, factor=factor) for factor in sorted(factors))
+    others = side_by_side(lambda other: _refit(found, other), bands)
     return [other for other in others if other is not None]
 
 
-def _refit(found: Disturbed, data: Data, factor: int) -> Repeat | None:
-    fitted = found.fitted
+def _refit(found: Disturbed, band: Band) -> Repeat | None:
+    """Fit the structure to another log or in another band; None if that shows nothing."""
+    fitted, of_band = found.fitted, band.factor == found.best.band.factor
+    start = fitted.structure, fitted.by_name, found.best.sizes
     try:
-        other = fit_in_band(
-            fitted.structure,
-            data,
-            factor,
-            fitted.by_name,
-            found.sizes,
-            of_band=factor == found.factor,
-        ).fitted
+        other = band.fit(*start, of_band=of_band).fitted
     except ConvergenceError:
         return None
     # A channel with a delay beyond the margin has no data to compare.

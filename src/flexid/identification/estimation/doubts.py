@@ -30,8 +30,8 @@ ECCENTRICITY = 5e-4  # rad: 0.03 degrees, error of good encoders once per turn
 GAUGE = 0.02  # of the scale of a deflection sensor: strain gauges are calibrated to 3 or 4 %
 _LONGEST_COIL = 2e-3  # s: time constants of coils are hardly longer
 # Standard deviation of a hysteresis torque and its reach over their values, if the law is not
-# Dahl's. Errors were 1 to 37 % in seven logs after Bouc and Wen.
-_ANOTHER_LAW = 0.15
+# Dahl's, and of friction that falls. Errors were 1 to 37 % in seven logs after Bouc and Wen.
+ANOTHER_LAW = 0.15
 # Part of a balance's unexplained acceleration that may look like one of its terms, over the
 # unexplained share. A larger share is less likely to be chance.
 _LIKE_A_TERM = 0.4
@@ -45,6 +45,7 @@ LINK_GRAVITY = frozenset(
     c for term in ("gravity", "gravity_cosine") for c in declared.TERMS[term].link
 )
 _PARALLEL = frozenset(declared.SHAPE_TERMS["parallel_spring"].coefficients)
+_SCALE = declared.SHAPE_TERMS["scale_error"]
 _MOTOR_SPRINGS = frozenset(motor for motor, *_ in declared.TIES.values()) | {declared.SPRING[1]}
 _VISCOUS = declared.coefficients_of("motor_viscous")
 
@@ -64,21 +65,12 @@ class Doubted:
     sizes: dict[str, float]  # effect of one unit of each coefficient over its row's acceleration
     shares: dict[str, float]  # unexplained over whole acceleration of each balance
     is_voltage: bool  # whether the input is a voltage, or was computed from one
-    # (k,): change of the values if the deflection sensor reads 1 % more; None without such a sensor
-    by_gauge: FloatArray | None = None
-    # (k, 2): change of gravity by a cable that the log allows
-    by_cable: FloatArray | None = None
-    # (k, 3): change of gravity by encoder errors once per turn that the log allows
-    by_eccentricity: FloatArray | None = None
-    # (k,): change of the values if the joint has damping instead of a late link encoder
-    by_damping: FloatArray | None = None
-    by_noise: FloatArray | None = None  # (k,): error of the values by noise of the input
     by_play: float = 0.0  # relative increase of the stiffness if the spring has play
 
     @property
     def none(self) -> FloatArray:
         """Directions for no error, shape (k, 0)."""
-        return np.zeros((len(self.fitted.names), 0))
+        return no_errors(self.fitted)
 
     def diagonal(self, of: Callable[[str, float], float]) -> FloatArray:
         """Return directions of independent errors, each from a name and a value."""
@@ -89,6 +81,11 @@ class Doubted:
     def common(self, factor: float, balance: str) -> FloatArray:
         """Return the direction that scales all coefficients of a balance."""
         return factor * _of_balance(self.fitted, balance)[:, None]
+
+
+def no_errors(fitted: Fitted) -> FloatArray:
+    """Return directions for no error of a fit's values, shape (k, 0)."""
+    return np.zeros((len(fitted.names), 0))
 
 
 Doubt = Callable[[Doubted], FloatArray]
@@ -104,23 +101,16 @@ def further_modes(doubted: Doubted) -> FloatArray:
     return doubted.common(_FURTHER_MODES, "link")
 
 
-def cable(doubted: Doubted) -> FloatArray:
-    """Return errors of gravity by a cable that pulls the link back."""
-    return doubted.none if doubted.by_cable is None else doubted.by_cable
-
-
-def eccentric_encoders(doubted: Doubted) -> FloatArray:
-    """Return errors of gravity by encoder errors once per turn, which act through the spring."""
-    if doubted.by_eccentricity is None:
-        return doubted.none
-    return doubted.by_eccentricity
-
-
 def scales_apart(doubted: Doubted) -> FloatArray:
-    """Return errors by different scales of two encoders, mainly of gravity, through the spring."""
+    """Return errors by different scales of two encoders, mainly of gravity, through the spring.
+
+    If the model has the difference, it remains open which encoder is right.
+    """
     names = {*doubted.fitted.names}
     if not _PARALLEL.isdisjoint(names) and declared.SPRING[1] in names:
         return doubted.none  # the motor's balance has shown which of both it is
+    if not names.isdisjoint(_SCALE.coefficients):
+        return _either_scale(doubted)
     share = doubted.fitted.data.scales_apart
     pull = abs(doubted.fitted.by_name.get("theta2", 0.0))
     return doubted.diagonal(
@@ -128,18 +118,13 @@ def scales_apart(doubted: Doubted) -> FloatArray:
     )
 
 
-def gauge_scale(doubted: Doubted) -> FloatArray:
-    """Return errors by the scale of a deflection sensor, which nothing else in the log shows.
-
-    The error of a spring is at least that of the scale.
-    """
-    if doubted.by_gauge is None:
-        return doubted.none
-    springs = np.array([name in declared.SPRING for name in doubted.fitted.names])
-    least = np.where(springs, np.abs(doubted.fitted.values), 0.0)
-    change = 100.0 * doubted.by_gauge
-    grown = np.where(np.signbit(change), -1.0, 1.0) * np.maximum(np.abs(change), least)
-    return GAUGE * grown[:, None]
+def _either_scale(doubted: Doubted) -> FloatArray:
+    """Return errors of the motor's balance if its encoder is wrong, of its spring if the link's."""
+    (error,), spring = _SCALE.motor, declared.SPRING[1]
+    values = doubted.fitted.by_name
+    share = values[error] / values[spring] / np.sqrt(3.0) if error in values else 0.0
+    own = doubted.diagonal(lambda name, value: share * value * (name == spring))
+    return np.hstack([doubted.common(share, "motor"), own])
 
 
 def coil_lag(doubted: Doubted) -> FloatArray:
@@ -214,7 +199,7 @@ def another_law(doubted: Doubted) -> FloatArray:
     What such a law leaves unexplained of the link's acceleration may be the spring's.
     """
     inverse = declared.HYSTERESIS_GRIP  # of the reach
-    share = dict.fromkeys(declared.HYSTERESIS, _ANOTHER_LAW) | {inverse: -_ANOTHER_LAW}
+    share = dict.fromkeys(declared.HYSTERESIS, ANOTHER_LAW) | {inverse: -ANOTHER_LAW}
     values = doubted.fitted.by_name
     left = float(doubted.shares.get("link", 0.0) / np.sqrt(3.0)) if inverse in values else 0.0
     springs = dict.fromkeys(declared.SPRING, left)
@@ -226,18 +211,6 @@ def another_law(doubted: Doubted) -> FloatArray:
 def term_law(doubted: Doubted) -> FloatArray:
     """Return errors if a term follows a law between its own and another usual one."""
     return by_other_laws(doubted.fitted) / np.sqrt(3.0)
-
-
-def late_link(doubted: Doubted) -> FloatArray:
-    """Return errors if the delay of the link's encoder is in part a damping of the joint."""
-    if doubted.by_damping is None:
-        return doubted.none
-    return doubted.by_damping[:, None] / np.sqrt(3.0)  # uniform between none and all of it
-
-
-def noise_of_the_input(doubted: Doubted) -> FloatArray:
-    """Return errors by noise of the input's sensor, or since it was taken for such noise."""
-    return doubted.none if doubted.by_noise is None else doubted.by_noise[:, None]
 
 
 def looks_like_a_term(doubted: Doubted) -> FloatArray:
@@ -271,27 +244,23 @@ LIKE_A_TERM = "an effect that no term describes may look like it"
 OF_A_BAND = "it depends on the frequency band that is fitted"
 HIDDEN = "a removed term may act in its place"
 OF_A_HALF = "the halves of the log disagree"
+OF_A_LAW = "friction or damping may follow another law"
 
 DOUBTS: Mapping[Doubt, str] = {
     calibration: "",
     further_modes: "the link may bend",
-    cable: "a cable may act like gravity",
-    eccentric_encoders: "encoder errors once per turn may look like it",
     gear_efficiency: "the gear may lose more torque in one direction",
     scales_apart: "the scales of the encoders contradict each other",
-    gauge_scale: "nothing confirms the scale of the deflection's sensor",
     coil_lag: "the delay of the input may be a lag of the coil",
     lag: "the delay of the input may be a lag",
     dead_zone: "the amplifier may have a dead zone",
     play: LIKE_PLAY,
     another_law: "its hysteresis may follow another law",
-    term_law: "friction or damping may follow another law",
-    late_link: "damping of the joint may look like a late link encoder",
-    noise_of_the_input: "the input's noise may come from its sensor",
+    term_law: OF_A_LAW,
     looks_like_a_term: LIKE_A_TERM,
     looks_like_the_acceleration: HEAVIER,
 }
-"""Doubts of a fit with disturbances, each with its text as the main cause of an interval."""
+"""Doubts of any fit with disturbances, each with its text as the main cause of an interval."""
 
 OF_AN_EXACT_FIT: tuple[Doubt, ...] = (scales_apart, gear_efficiency, lag, term_law)
 """Doubts of an exact fit: gravity may hide a scale error, a delay a lag, a law another one."""

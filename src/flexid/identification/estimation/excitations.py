@@ -34,21 +34,17 @@ _PART = 0.1  # least squared component of a coefficient that is part of a direct
 _LEAST_MOTION = 1e-12
 
 
-def row_excitation(row: RowFit, known: Collection[str]) -> Excitation:
-    """Return the excitation of a row's unknown coefficients.
+def row_excitation(row: RowFit) -> Excitation:
+    """Return the excitation of a row's coefficients.
 
     If an offset is sought next to the spring, the deflection counts from its mean, since the
     encoders' zeros are no motion. The same holds for the cosine of a tilted gravity, which hardly
     changes about its rest.
     """
-    sought = [place for place, name in enumerate(row.coefficients) if name not in known]
-    if not sought:
-        return Excitation(row.name, (), np.ones(1), 0.0, (), np.empty(0), 0.0, ())
-    names = [row.coefficients[place] for place in sought]
-    gram = row.gram[np.ix_(sought, sought)]
-    centred = _centred_gram(names, gram)
-    used = centred.gram if centred.moves else gram  # without motion the remainder is only rounding
-    return excitation_of_gram(row.name, names, used / row.count)
+    centred = _centred_gram(row.coefficients, row.gram)
+    # Without motion the remainder is only rounding.
+    used = centred.gram if centred.moves else row.gram
+    return excitation_of_gram(row.name, row.coefficients, used / row.count)
 
 
 class _Centred(NamedTuple):

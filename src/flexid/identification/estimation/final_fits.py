@@ -1,8 +1,7 @@
 """Final fits to all data, and the covariance that their doubts add."""
 
 from collections.abc import Collection, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -28,9 +27,7 @@ from flexid.identification.estimation.model_error import (
 )
 from flexid.identification.full_model.fits_by_length import hold_covariance
 from flexid.identification.full_model.fitting import (
-    EXPLORING,
     expanded,
-    fit_from,
     fit_like,
     fit_to,
     lengths,
@@ -39,9 +36,9 @@ from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
 from flexid.identification.full_model.starting import first_fits, least_squares_start, suited_rate
 from flexid.identification.preparation.recordings import Alignment, Delay, SplitRecordings, aligned
 from flexid.identification.structure.choice import Choice
-from flexid.identification.structure.gap import CHANCE, settled, with_free_width
+from flexid.identification.structure.gap import settled, with_free_width
 from flexid.identification.structure.link_delay import confused_covariance
-from flexid.identification.structure.sought_terms import reflected, with_other_laws
+from flexid.identification.structure.sought_terms import reflected
 from flexid.identification.vocabulary.evidence import Estimate, ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE, coefficients_of
@@ -59,12 +56,14 @@ class FinalFits:
     choice: Choice  # chosen structure, with the evidence
     recordings: SplitRecordings  # the data
     reported: Fitted  # fit of the chosen structure
-    # fits of it over segments of growing length, some longer than those of `reported`
-    lengths_fitted: Sequence[Fitted]
-    error: ModelError  # model error that the residuals show
-    driving: frozenset[str]  # frictions that came out negative beyond noise
     full: Fitted  # fit with all usual terms, for intervals of removed ones
     filter_rate: float  # of the filtered least squares, in 1/s
+    # without disturbances:
+    # fits over segments of growing length, some longer than those of `reported`
+    lengths_fitted: Sequence[Fitted] = ()
+    # model error that the residuals show
+    error: ModelError = field(default_factory=lambda: ModelError(0.0, 0.0, 0.0))
+    driving: frozenset[str] = frozenset()  # frictions that came out negative beyond noise
 
     @cached_property
     def in_full(self) -> Estimate:
@@ -158,11 +157,6 @@ def final_fits(
     """
     whole = replace(whole, refinement=choice.fitted.data.refinement)
     reported, lengths_fitted = _reported(choice, whole, insist=insist)
-    if (likelier := _with_another_law(reported)) is not None:
-        with suppress(ConvergenceError):
-            other = replace(choice, structure=likelier.structure, fitted=likelier)
-            reported, lengths_fitted = _reported(other, whole, insist=False)
-            choice = replace(choice, structure=likelier.structure)
     joint = reported.structure.joint  # with the constants of shapes fitted to all data
     structure = replace(choice.structure, joint=joint)
     choice = replace(choice, structure=structure, full=replace(choice.full, joint=joint))
@@ -170,7 +164,7 @@ def final_fits(
     rate = suited_rate(reported, filter_rate)
     full = _full(choice, reported)
     driving = driving_frictions(reported, thresholds)
-    return FinalFits(choice, recordings, reported, lengths_fitted, error, driving, full, rate)
+    return FinalFits(choice, recordings, reported, full, rate, lengths_fitted, error, driving)
 
 
 def with_doubts(fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds) -> Estimate:
@@ -198,17 +192,6 @@ def _reported(choice: Choice, whole: Data, *, insist: bool) -> tuple[Fitted, lis
         fitted, lengths_fitted = fit_to(structure, whole, begun.by_name, duration)
     last = settled(fitted)
     return last, [last if one is fitted else one for one in lengths_fitted]
-
-
-def _with_another_law(reported: Fitted) -> Fitted | None:
-    """Return the fit with another law of a term if it is clearly likelier, or None."""
-    # The search compares laws with coarse integration steps, whose error hides small differences.
-    least = reported.minimum.equations.cost - CHANCE * max(reported.excess, 1.0)
-    for structure in with_other_laws(reported.structure):
-        other = fit_like(structure, reported) or fit_from(reported, structure, steps=EXPLORING)
-        if other is not None and other.minimum.equations.cost < least:
-            return other
-    return None
 
 
 def _full(choice: Choice, reported: Fitted) -> Fitted:

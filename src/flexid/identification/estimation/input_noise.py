@@ -16,7 +16,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.samples import Samples
-from flexid.identification.estimation.band import FitInBand, fit_in_band
+from flexid.identification.estimation.band import JointInBand
 from flexid.identification.full_model.model import Data
 from flexid.identification.structure.gap import CHANCE
 from flexid.recording.velocities import position_noise
@@ -51,15 +51,14 @@ class InputChoice:
         return data if self.without_noise else without_input_noise(data)
 
 
-def likelier_input(logged: FitInBand, data: Data, factor: int) -> tuple[FitInBand, InputChoice]:
+def likelier_input(logged: JointInBand) -> tuple[JointInBand, InputChoice]:
     """Return the fit with the likelier input, from the fit with the logged one, and the choice."""
-    fitted = logged.fitted
+    fitted, data = logged.fitted, logged.band.data
     if fitted.structure.joint.kind == "link" or not any(map(_noise, data.samples)):
         return logged, InputChoice()
-    quiet = without_input_noise(data)
+    quiet = replace(logged.band, data=without_input_noise(data))
     with suppress(ConvergenceError):
-        start = fitted.by_name, logged.sizes
-        found = fit_in_band(fitted.structure, quiet, factor, *start)
+        found = quiet.fit(fitted.structure, fitted.by_name, logged.sizes)
         if found.cost < logged.cost - CHANCE and found.fitted.has_partners:
             return found, InputChoice(without_noise=True, left=_LEFT)
     return logged, InputChoice(left=_AS_LOGGED)

@@ -22,12 +22,15 @@ SMALL_SHARE = 0.03
 
 
 def with_sensor_error(
-    fitted: Fitted[M], row: int, error: FloatArray, share: float = SHARE
+    fitted: Fitted[M], rows: int | slice, error: FloatArray | float, share: float = SHARE
 ) -> SegmentedMotion:
-    """Return a fit's motion with a share of an error, shape (n_samples,), in a row's sensor."""
+    """Return a fit's motion with a share of an error, shape (n_samples,), in a row's sensor.
+
+    A constant error may be one of the sensors of several rows.
+    """
     segments = fitted.problem.segments
     outputs = segments.outputs.copy()
-    outputs[:, row] += share * error
+    outputs[:, rows] += share * error
     return replace(fitted.problem, segments=replace(segments, outputs=outputs))
 
 
@@ -43,6 +46,8 @@ def likely_changes(
     `scatter` multiplies the variance of the innovations. Returns directions, shape (k, n_rigs + 1):
     the uncertainty that the log leaves, and the mean change in the last column.
     """
+    if not rigs:
+        return np.zeros((len(fitted.names), 0))
     size = np.sqrt(max(fitted.excess, 1.0) * scatter)
     before = _innovations(fitted.problem, fitted.minimum.equations) / size
     followed = [_step_and_innovations(fitted, rig) for rig in rigs]
@@ -56,9 +61,13 @@ def likely_changes(
 def _step_and_innovations(fitted: Fitted[M], rig: SegmentedMotion) -> tuple[FloatArray, FloatArray]:
     """Return the step of the values, shape (k,), for another rig, and its innovations, flat."""
     point, before = fitted.minimum.point, fitted.minimum.reduced
-    reduced = rig.solve(rig.equations(point))
+    error = rig.segments.outputs - fitted.problem.segments.outputs
+    started = point.initial_states.copy()
+    started[:, : 2 * error.shape[1] : 2] += error[rig.segments.starts]
+    begun = replace(point, initial_states=started)
+    reduced = rig.solve(rig.equations(begun))
     step = reduced.values_step - before.values_step
-    states = point.initial_states + reduced.states_step - before.states_step
+    states = started + reduced.states_step - before.states_step
     there = replace(point, values=point.values + step, initial_states=states)
     equations = rig.equations(there, "nothing")
     if not np.isfinite(equations.cost):
@@ -68,7 +77,6 @@ def _step_and_innovations(fitted: Fitted[M], rig: SegmentedMotion) -> tuple[Floa
 
 def _innovations(problem: SegmentedMotion, equations: Equations) -> FloatArray:
     """Return all innovations in standard deviations, flat."""
-    assert problem.observer is not None
     # The observer may have more segments than the log; all have the same whitening.
-    parts = zip(problem.segments.of(equations.residuals), problem.observer.whitening, strict=False)
+    parts = zip(problem.segments.of(equations.residuals), problem.whitening, strict=False)
     return np.concatenate([(part @ white.T).ravel() for part, white in parts])

@@ -24,7 +24,7 @@ class SpringDoubts(NamedTuple):
 
     prediction: str  # text on how well the spring predicts the deflection
     doubts: tuple[Caution, ...] = ()  # reasons why coefficients are unknown
-    doubted: frozenset[str] = POSITIVE  # the unknown coefficients, of one balance or both
+    doubted: frozenset[str] = frozenset()  # the unknown coefficients, of one balance or both
 
 
 def doubts_of_spring(
@@ -43,8 +43,10 @@ def doubts_of_spring(
         f"of which the spring predicts {share} over {period:.2g} s, a period of the resonance"
     )
     skewed = delay_doubts(job, data, entirely=False)
-    if skewed or predicted >= PREDICTED:
-        return SpringDoubts(prediction, skewed)
+    if skewed:
+        return SpringDoubts(prediction, skewed, POSITIVE)
+    if predicted >= PREDICTED:
+        return SpringDoubts(prediction)
     doubted = frozenset(c for c in POSITIVE if shares.get(balance_of(c), 1.0) > UNEXPLAINED)
     if not doubted:
         return SpringDoubts(prediction)

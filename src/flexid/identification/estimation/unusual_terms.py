@@ -12,16 +12,10 @@ import numpy as np
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.samples import side_by_side
-from flexid.identification.estimation.band import (
-    FitInBand,
-    cost_of,
-    fit_in_band,
-    fits_in_band,
-    shares_of,
-)
+from flexid.identification.estimation.band import JointInBand, cost_of
 from flexid.identification.full_model.fits_by_length import FOLLOWED
 from flexid.identification.full_model.fitting import expanded
-from flexid.identification.full_model.model import Data, Fitted, Structure
+from flexid.identification.full_model.model import Fitted, Structure
 from flexid.identification.structure.gap import (
     CHANCE,
     LIKELIER,
@@ -54,9 +48,7 @@ _LEAST_PROMISED = 0.02
 _WIDTHS = 5  # most fits until the width of play equals its gap
 
 
-def with_play(
-    fit: FitInBand, likely: LikelyPlay, data: Data, factor: int
-) -> tuple[FitInBand, float]:
+def with_play(fit: JointInBand, likely: LikelyPlay) -> tuple[JointInBand, float]:
     """Return the fit with play if it is likelier, otherwise the given fit, and the spring's doubt.
 
     The doubt is the relative increase of the stiffness with play. If neither fit is clearly
@@ -64,17 +56,14 @@ def with_play(
     """
     if likely.stiffer < _LEAST_STIFFER:
         return fit, likely.doubt
-    start = _stiffer(fit.fitted.by_name, likely.start)
+    start, band = _stiffer(fit.fitted.by_name, likely.start), fit.band
     try:
-        played = fit_in_band(likely.structure, data, factor, start)
-        played = with_width_of_gap(played, data, factor)
+        played = with_width_of_gap(band.fit(likely.structure, start))
         laws = [(law, played.fitted.by_name) for law in with_other_damping(played.fitted.structure)]
-        others = (with_width_of_gap(law, data, factor) for law in fits_in_band(laws, data, factor))
-        played = min([played, *others], key=cost_of)
+        played = min([played, *map(with_width_of_gap, band.fits(laws))], key=cost_of)
         if played.cost > fit.cost + CHANCE:  # perhaps only since its sizes differ
-            structure, start = played.fitted.structure, played.fitted.by_name
-            other = fit_in_band(structure, data, factor, start, fit.sizes)
-            played = min(played, with_width_of_gap(other, data, factor), key=cost_of)
+            other = band.fit(played.fitted.structure, played.fitted.by_name, fit.sizes)
+            played = min(played, with_width_of_gap(other), key=cost_of)
     except ConvergenceError:
         return fit, likely.doubt
     if played.cost > fit.cost + CHANCE:  # unless least squares is clear, the log denies play
@@ -87,37 +76,26 @@ def with_play(
     return fit, min(stiffer, likely.doubt)
 
 
-def with_hysteresis(fit: FitInBand, data: Data, factor: int) -> Iterator[FitInBand]:
+def with_hysteresis(fit: JointInBand) -> Iterator[JointInBand]:
     """Yield the fit with hysteresis if it brakes, is likelier and explains clearly more."""
     structure, joint = fit.fitted.structure, fit.fitted.structure.joint
     if HYSTERESIS.isdisjoint(joint.shapes) or HYSTERETIC.is_in(fit.fitted):
         return
     structure = replace(structure, absent=structure.absent - HYSTERESIS)
     start = {**fit.fitted.by_name, HYSTERESIS_GRIP: joint.first[HYSTERESIS_GRIP]}
-    for other in fits_in_band([(structure, start)], data, factor):
-        likelier = other.cost < fit.cost - CHANCE
-        if (
-            likelier
-            and _explains_more(other, fit, HYSTERETIC)
-            and HYSTERETIC.is_possible(other.fitted)
-        ):
+    for other in fit.band.fits([(structure, start)]):
+        likelier = other.cost < fit.cost - CHANCE and _explains_more(other, fit, HYSTERETIC)
+        if likelier and HYSTERETIC.is_possible(other.fitted):
             yield other
 
 
-def _explains_more(other: FitInBand, fit: FitInBand, shape: SoughtShape) -> bool:
+def _explains_more(other: JointInBand, fit: JointInBand, shape: SoughtShape) -> bool:
     """Whether a fit leaves clearly less of the squared acceleration of a balance with the term."""
-    left, before = (shares_of(each.fitted, each.sizes) for each in (other, fit))
-    sides = shape.shown_in & left.keys()
-    return any(left[side] ** 2 < LIKELIER * before[side] ** 2 for side in sides)
+    left, sides = other.shares, shape.shown_in & other.shares.keys()
+    return any(left[side] ** 2 < LIKELIER * fit.shares[side] ** 2 for side in sides)
 
 
-def with_shape(
-    shape: SoughtShape,
-    fit: FitInBand,
-    data: Data,
-    factor: int,
-    kept: Collection[str],
-) -> FitInBand:
+def with_shape(shape: SoughtShape, fit: JointInBand, kept: Collection[str]) -> JointInBand:
     """Return the fit with a term that is sought by itself, if likelier.
 
     Each law of the term is fitted from the constant with the least cost in a quadratic
@@ -133,10 +111,10 @@ def with_shape(
             # With equal sizes the costs compare the terms alone; with its own, the term explains.
             own, begun = shape.put(wider, start), fit.fitted.by_name
             with suppress(ConvergenceError):
-                alike = fit_in_band(own, data, factor, begun, fit.sizes)
+                alike = fit.band.fit(own, begun, fit.sizes)
                 if alike.cost >= fit.cost - CHANCE:
                     break
-                freed = fit_in_band(own, data, factor, alike.fitted.by_name)
+                freed = fit.band.fit(own, alike.fitted.by_name)
                 if not (shape.is_seen_in(alike.fitted) and shape.is_seen_in(freed.fitted)):
                     continue  # another start may lead to a possible constant
                 if _explains_more(freed, fit, shape) and shape.is_plausible(freed.fitted):
@@ -168,7 +146,7 @@ def _stiffer(values: Mapping[str, float], link: Mapping[str, float]) -> dict[str
     return {**values, **own, **{name: share * value for name, value in motor.items()}}
 
 
-def with_width_of_gap(fit: FitInBand, data: Data, factor: int) -> FitInBand:
+def with_width_of_gap(fit: JointInBand) -> JointInBand:
     """Return the fit with the width of its play equal to its gap, or the last that converged."""
     trail: list[tuple[float, float]] = []
     with suppress(ConvergenceError):
@@ -178,5 +156,5 @@ def with_width_of_gap(fit: FitInBand, data: Data, factor: int) -> FitInBand:
                 break
             trail.append((width_of(fit.fitted.structure), gap))
             structure = following(fit.fitted, met(trail))
-            fit = fit_in_band(structure, data, factor, fit.fitted.by_name, fit.sizes)
+            fit = fit.band.fit(structure, fit.fitted.by_name, fit.sizes)
     return fit

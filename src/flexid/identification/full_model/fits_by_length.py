@@ -29,7 +29,7 @@ from flexid.identification.full_model.fitting import (
 )
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.full_model.starting import first_fits, short
-from flexid.identification.vocabulary import Progress
+from flexid.identification.vocabulary import Progress, silent
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.recording.recording import Hold
 
@@ -57,24 +57,52 @@ class FitsByLength:
     divisions: tuple[Segments, ...]  # segments of all lengths
     free_length: bool  # whether the length of the segments is chosen
     holds: tuple[Hold, ...]  # holds to choose from
-    hold_reason: str  # reason for the hold
+    hold_reason: str = ""  # reason for the hold
     tied: tuple[Hold, ...] = ()  # other holds that the log cannot distinguish from this one
     exact: bool = False  # whether an exact fit is required
+    progress: Progress = silent
+    thresholds: Thresholds = THRESHOLDS
+
+    @property
+    def floor(self) -> float:
+        """Excess that counts as noise."""
+        return self.thresholds.noise_floor(self.found[0].excess)
 
     def has_longer(self, fitted: Fitted) -> bool:
         """Whether the log has longer segments than those of a fit."""
         return self.divisions[-1].mean_duration > _LONGER * fitted.duration
 
-    def longer(self, first: Fitted, thresholds: Thresholds) -> list[Fitted]:
-        """Return fits over longer segments than those of `first`."""
-        return _longer(first, self.divisions, thresholds, exact=self.exact)
+    def onward(self, first: Fitted) -> list[Fitted]:
+        """Return a fit, and fits over longer segments that begin from it."""
+        # Unless an exact fit is required, the series ends after one that leaves too much for that.
 
-    def with_term(self, found: list[Fitted], thresholds: Thresholds) -> "FitsByLength":
+        def should_continue(fitted: Fitted) -> bool:
+            short = self.exact or fitted.duration < TURNING
+            return short or is_acceptable(fitted, self.thresholds)
+
+        return [first, *longer_fits(first, self.divisions, should_continue)]
+
+    def with_term(self, found: list[Fitted]) -> "FitsByLength":
         """Return fits with another term, with the best hold."""
         least = len(found[0].problem.segments)
-        divisions = [s for s in self.divisions if len(s) <= least]
-        held = with_best_hold(found, divisions, self.holds, self.free_length, thresholds)
-        return replace(held, exact=self.exact)
+        divisions = tuple(s for s in self.divisions if len(s) <= least)
+        return replace(self, divisions=divisions).with_best_hold(found)
+
+    def with_best_hold(
+        self, found: list[Fitted], known: tuple[Fitted, str, tuple[Hold, ...]] | None = None
+    ) -> "FitsByLength":
+        """Return fits with the best hold, over the same segments; `known` is their `best_hold`."""
+        thresholds = self.thresholds
+        if len(self.holds) == 1:
+            known = found[-1], "as given", ()
+        if not known and found[-1].excess > thresholds.sensor_excess:
+            found = [*found[:-1], in_own_steps(found[-1])]  # errors of coarse steps may hide it
+        best, reason, tied = known or best_hold(found[-1], self.holds, thresholds)
+        # If a model explains the log, only its longest segments matter.
+        explained = best.converged and best.excess <= thresholds.sensor_excess
+        alone = explained and best is not found[-1]
+        found = [best] if alone else ending_with(best, found, self.divisions)
+        return replace(self, found=with_steps_refined(found), hold_reason=reason, tied=tied)
 
 
 def is_acceptable(fitted: Fitted, thresholds: Thresholds) -> bool:
@@ -88,18 +116,6 @@ def nearly_explains(fitted: Fitted, thresholds: Thresholds) -> bool:
     if fitted.structure.joint.kind == "rigid":  # there is no deflection to compare with
         return fitted.excess <= _RIGID_EXCESS
     return fitted.unexplained_over(TURNING) <= thresholds.exact_share
-
-
-def _longer(
-    first: Fitted, divisions: Sequence[Segments], thresholds: Thresholds, *, exact: bool
-) -> list[Fitted]:
-    """Return fits over longer segments."""
-    # Unless `exact`, the series ends after a fit that leaves too much to be reported.
-
-    def should_continue(fitted: Fitted) -> bool:
-        return exact or fitted.duration < TURNING or is_acceptable(fitted, thresholds)
-
-    return longer_fits(first, divisions, should_continue)
 
 
 def fit_full_model(
@@ -117,6 +133,8 @@ def fit_full_model(
     If an exact fit is required, the best start's fit is taken even without convergence.
     """
     divisions = lengths(data, *durations)
+    rest = {"exact": exact, "progress": progress, "thresholds": thresholds}
+    by_length = FitsByLength((), tuple(divisions), not durations, tuple(holds), **rest)
     progress("the full model")
     found = first_fits(base.with_hold(holds[0]), data, divisions, insist=not exact)
     known = None  # comparison of the holds
@@ -125,12 +143,11 @@ def fit_full_model(
         found = ending_with(known[0], found, divisions)
     progress("the full model over longer segments")
     if len(found[-1].problem.segments) == len(short(divisions)[-1]):
-        longer = _longer(found[-1], divisions, thresholds, exact=exact)
-        known, found = (None if longer else known), found + longer
+        onward = by_length.onward(found[-1])
+        known, found = (None if len(onward) > 1 else known), [*found[:-1], *onward]
     if len(holds) > 1:
         progress("how the input runs between its samples")
-    held = with_best_hold(found, divisions, holds, not durations, thresholds, known)
-    return replace(held, exact=exact)
+    return by_length.with_best_hold(found, known)
 
 
 def turning(found: Sequence[Fitted], thresholds: Thresholds) -> Fitted | None:
@@ -180,7 +197,7 @@ def explained_by(
         if found is None or fitted.excess - found.excess < wanted:
             return None
         # With integration steps for the new values the motion may diverge.
-        found = fit_from(found, found.structure, data=fitted.data, steps=EXPLORING)
+        found = fit_from(found, found.structure, steps=EXPLORING)
         if found is None or not accepted(found):
             return None
         structure, start = found.structure, found.by_name
@@ -207,27 +224,6 @@ def promised(fitted: Fitted, structure: Structure, start: Mapping[str, float]) -
     equations = problem.equations(point)
     beyond = equations.cost - problem.degrees_of_freedom
     return problem.solve(equations).decrement / beyond if np.isfinite(beyond) else 0.0
-
-
-def with_best_hold(
-    found: list[Fitted],
-    divisions: Sequence[Segments],
-    holds: Sequence[Hold],
-    free_length: bool,
-    thresholds: Thresholds,
-    known: tuple[Fitted, str, tuple[Hold, ...]] | None = None,
-) -> FitsByLength:
-    """Return fits with the best hold, over the same segments; `known` is `best_hold` of these."""
-    if len(holds) == 1:
-        known = found[-1], "as given", ()
-    if not known and found[-1].excess > thresholds.sensor_excess:
-        found = [*found[:-1], in_own_steps(found[-1])]  # errors of coarse steps may hide the hold
-    best, reason, tied = known or best_hold(found[-1], holds, thresholds)
-    # If a model explains the log, only its longest segments matter.
-    explained = best.converged and best.excess <= thresholds.sensor_excess
-    found = [best] if explained and best is not found[-1] else ending_with(best, found, divisions)
-    refined = with_steps_refined(found)
-    return FitsByLength(refined, tuple(divisions), free_length, tuple(holds), reason, tied)
 
 
 def with_other_hold(fitted: Fitted, hold: Hold) -> Fitted | None:

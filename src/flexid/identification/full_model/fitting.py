@@ -55,13 +55,13 @@ EXPLORING = replace(FIRST_STEPS, insist=False, least_gain=0.01)
 _AT_ONCE = Steps(0.1, iterations=5, promised=NEARLY_NOISE)
 
 
-def lengths(data: Data, longest: float = LONGEST, shortest: float = SHORTEST) -> list[Segments]:
+def lengths(data: Data, longest: float = LONGEST) -> list[Segments]:
     """Return divisions into segments of growing length, each twice as long as the one before."""
     first = divide(data.samples, min(longest, data.duration), margin=data.margin)
     found = [first]
     while True:
         last = found[-1]
-        if last.mean_duration < 1.5 * shortest or not last.can_be_halved:
+        if last.mean_duration < 1.5 * SHORTEST or not last.can_be_halved:
             return found[::-1]
         found.append(last.halved())
 
@@ -145,15 +145,13 @@ def fit_from(
     fitted: Fitted,
     structure: Structure,
     start: Mapping[str, float] | None = None,
-    *,
-    data: Data | None = None,
     steps: Steps = ON_THE_WAY,
 ) -> Fitted | None:
     """Fit another structure over a fit's segments, from its states and values; None on failure."""
     states, segments = fitted.minimum.point.initial_states, fitted.problem.segments
     begun = fitted.by_name if start is None else start
     with suppress(ConvergenceError):
-        return fit_segments(structure, data or fitted.data, segments, begun, states, steps)
+        return fit_segments(structure, fitted.data, segments, begun, states, steps)
     return None
 
 

@@ -112,7 +112,7 @@ def data_of(
     relative = {}
     if joint.kind != "rigid" and recordings[0].link_from_deflection:
         # The link alone has the motor's position as its first input.
-        relative = {"link": "motor" if joint.kind == "flexible" else joint.system.inputs[0]}
+        relative = {"link": "motor" if joint.kind == "flexible" else joint.systems[0].inputs[0]}
     noise = encoder_noise(samples)
     return Data(
         samples,

@@ -7,7 +7,7 @@ a coefficient fixed at 0. So terms can be tried and removed without another kern
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 
@@ -65,12 +65,10 @@ class Joint:
     # flexible: two encoders and a spring between them; link: the link alone, driven by the motor's
     # measured motion; rigid: one encoder
     kind: Kind
-    system: ParametricSystem  # model with every usual term, and dry friction
-    extended: ParametricSystem  # `system` with the terms of `SHAPE_TERMS` that have no memory
-    remembering: ParametricSystem  # `system` with all terms of `SHAPE_TERMS`
-    # `system` with smoothed friction, for least squares and the paper's observer
-    smooth: ParametricSystem
-    shaped: ParametricSystem  # `extended` with smoothed friction
+    # with dry friction: every usual term; those of `SHAPE_TERMS` without memory, too; all terms
+    systems: tuple[ParametricSystem, ...]
+    # the first two of these with smoothed friction, for least squares, which takes the first
+    smoothed: tuple[ParametricSystem, ...]
     terms: Mapping[str, tuple[str, ...]]  # coefficients of each term
     shapes: frozenset[str]  # coefficients of the terms in `SHAPE_TERMS`
     # unit of every coefficient; ``{input}`` is replaced by the unit of the input
@@ -86,10 +84,15 @@ class Joint:
     # coefficients of the systems that are always zero, since the joint has no such term
     never: frozenset[str] = frozenset()
 
+    @property
+    def smooth(self) -> ParametricSystem:
+        """Model with smoothed friction, for least squares and the paper's observer."""
+        return self.smoothed[0]
+
     @cached_property
     def remembered(self) -> frozenset[str]:
-        """Coefficients of terms with memory: only the model `remembering` has them."""
-        return frozenset({*self.remembering.coefficients} - {*self.extended.coefficients})
+        """Coefficients of terms with memory: only the last system has them."""
+        return frozenset({*self.systems[2].coefficients} - {*self.systems[1].coefficients})
 
     @cached_property
     def optional(self) -> frozenset[str]:
@@ -99,9 +102,9 @@ class Joint:
     def scaled(self, recordings: Sequence[Samples]) -> "Joint":
         """Return the joint with widths of shapes that suit recordings with velocities."""
         last = _root_mean_square([_velocities(p)[:, -1] for p in recordings])
-        smooth = self.smooth.with_constants({SMOOTHING: max(_SMOOTHING_SHARE * last, _LEAST)})
+        joint = self._smoothed_over(max(_SMOOTHING_SHARE * last, _LEAST))
         if self.kind == "rigid":
-            return replace(self, smooth=smooth)
+            return joint
         sides = [self.both_sides(recording) for recording in recordings]
         deflection = float(
             np.std(self.deflections(recordings))
@@ -109,7 +112,12 @@ class Joint:
         widths = {BACKLASH_WIDTH: max(_BACKLASH_SHARE * deflection, _LEAST)}
         widths[ANGLE_ORIGIN] = self._origin([positions[:, _MOTOR] for positions, _ in sides])
         widths[HYSTERESIS_GRIP] = 1.0 / max(_GRIP_SHARE * deflection, _LEAST)
-        return replace(self, smooth=smooth).with_widths(widths)
+        return joint.with_widths(widths)
+
+    def _smoothed_over(self, velocity: float) -> "Joint":
+        """Return the joint with the friction of least squares smoothed over a velocity in rad/s."""
+        smoothed = (system.with_constants({SMOOTHING: velocity}) for system in self.smoothed)
+        return replace(self, smoothed=tuple(smoothed))
 
     def _origin(self, parts: Sequence[FloatArray]) -> float:
         """Return the origin of periodic terms: the middle of motion, rounded to whole turns."""
@@ -123,17 +131,16 @@ class Joint:
             own = {name: w for name, w in widths.items() if name in system.constants}
             return system.with_constants(own) if own else system
 
-        systems = ("system", "extended", "remembering", "smooth", "shaped")
         first = {name: widths.get(name, value) for name, value in self.first.items()}
-        if first == self.first and not {*widths} & self.shaped.constants.keys():
+        if first == self.first and not {*widths} & self.smoothed[1].constants.keys():
             return self
-        changed = {name: wide(getattr(self, name)) for name in systems}
-        return replace(self, first=first, **changed)
+        systems, smoothed = (tuple(map(wide, each)) for each in (self.systems, self.smoothed))
+        return replace(self, first=first, systems=systems, smoothed=smoothed)
 
     @property
     def constants(self) -> dict[str, float]:
         """Constants of the shapes, with start values for those that are sought."""
-        return {**self.first, **self.extended.constants}
+        return {**self.first, **self.systems[1].constants}
 
     def constants_of(self, coefficients: Collection[str]) -> dict[str, float]:
         """Return the constants in the regressors of the given coefficients."""
@@ -143,7 +150,7 @@ class Joint:
             used -= DAMPING  # whose constants are those of the contact
         regressors = [
             regressor
-            for row in self.extended.rows
+            for row in self.systems[1].rows
             for name, regressor in row.regressors.items()
             if name in used
         ]
@@ -151,10 +158,8 @@ class Joint:
 
     @property
     def with_shapes_in_least_squares(self) -> "Joint":
-        """Joint whose least squares also covers the terms of the extended model."""
-        known = {**self.constants, **self.smooth.constants}
-        widths = {name: known[name] for name in self.shaped.constants if name in known}
-        return replace(self, smooth=self.shaped.with_constants(widths))
+        """Joint whose least squares also covers the terms of `SHAPE_TERMS` without memory."""
+        return replace(self, smoothed=(self.smoothed[1],) * 2)
 
     def both_sides(self, recording: Samples) -> tuple[FloatArray, FloatArray]:
         """Return positions and velocities of link and motor, shape (n, 2) each."""
@@ -174,18 +179,8 @@ class Joint:
         """Return the joint with friction smoothed over a velocity in rad/s instead of dry."""
         smooth = self.smooth.with_constants({SMOOTHING: velocity})
         usual = {t: names for t, names in self.terms.items() if not {*names} <= self.shapes}
-        return replace(
-            self,
-            smooth=smooth,
-            shaped=smooth,
-            system=smooth,
-            extended=smooth,
-            remembering=smooth,
-            terms=usual,
-            shapes=frozenset(),
-            nonlinear={},
-            first={},
-        )
+        rest: dict[str, Any] = {"shapes": frozenset(), "nonlinear": {}, "first": {}}
+        return replace(self, systems=(smooth,) * 3, smoothed=(smooth,) * 2, terms=usual, **rest)
 
     def of_coefficient(self, name: str) -> str | None:
         """Return the term of a coefficient; None if the coefficient is always in the model."""
@@ -213,8 +208,8 @@ class Joint:
         groups: Sequence[int] = (),
     ) -> Unknowns:
         """Return the unknowns, with absent coefficients at zero and fixed ones at their values."""
-        system = self.system if self.shapes <= {*absent} else self.extended
-        system = system if self.remembered <= {*absent} else self.remembering
+        needed = 0 if self.shapes <= {*absent} else 1 if self.remembered <= {*absent} else 2
+        system = self.systems[needed]
         off = {c: self.first.get(c, 0.0) for c in system.coefficients if c in absent}
         ties = {
             c: sources
@@ -255,13 +250,13 @@ def flexible() -> Joint:
     smooth = flexible_joint(tuple(TERMS))
     every = TERMS | SHAPE_TERMS
     shaped = flexible_joint([name for name, term in every.items() if term.memory is None])
+    whole = flexible_joint(tuple(every))
     return Joint(
         "flexible",
-        with_dry_friction(smooth),
-        with_dry_friction(shaped).seeking(SOUGHT_CONSTANTS),
-        with_dry_friction(flexible_joint(tuple(every))).seeking(SOUGHT_CONSTANTS),
-        smooth,
-        shaped,
+        tuple(
+            with_dry_friction(each).seeking(SOUGHT_CONSTANTS) for each in (smooth, shaped, whole)
+        ),
+        (smooth, shaped),
         {name: term.coefficients for name, term in every.items()},
         frozenset(c for term in SHAPE_TERMS.values() for c in term.coefficients),
         COEFFICIENT_UNITS,
@@ -284,17 +279,13 @@ def link() -> Joint:
     there is no motor row.
     """
     whole = flexible()
-    smooth = row_alone(whole.smooth, "link")
-    extended = row_alone(whole.extended, "link")
+    usual, extended = (row_alone(system, "link") for system in whole.systems[:2])
     own = {*extended.coefficients}
     terms = {t: tuple(c for c in names if c in own) for t, names in whole.terms.items()}
     return Joint(
         "link",
-        row_alone(whole.system, "link"),
-        extended,
-        extended,
-        smooth,
-        row_alone(whole.shaped, "link"),
+        (usual, extended, extended),
+        tuple(row_alone(system, "link") for system in whole.smoothed),
         {t: names for t, names in terms.items() if names},
         whole.shapes & own,
         {c: unit for c, unit in COEFFICIENT_UNITS.items() if c in own},
@@ -310,11 +301,8 @@ def rigid() -> Joint:
     dry = with_dry_friction(smooth)
     return Joint(
         "rigid",
-        dry,
-        dry,
-        dry,
-        smooth,
-        smooth,
+        (dry,) * 3,
+        (smooth,) * 2,
         {name: tuple(regressors) for name, regressors in RIGID_TERMS.items()},
         frozenset(),
         RIGID_UNITS,
@@ -328,11 +316,8 @@ def joint_of(kind: Kind, joint_type: JointType = "revolute") -> Joint:
     if joint_type == "revolute":
         return joint
     never = {c for term in ANGULAR_TERMS for c in joint.terms.get(term, ())}
-    smoothing = {SMOOTHING: COULOMB_VELOCITY[joint_type]}
     return replace(
-        joint,
-        smooth=joint.smooth.with_constants(smoothing),
-        shaped=joint.shaped.with_constants(smoothing),
+        joint._smoothed_over(COULOMB_VELOCITY[joint_type]),
         terms={term: names for term, names in joint.terms.items() if term not in ANGULAR_TERMS},
         shapes=joint.shapes - never,
         units={c: unit for c, unit in joint.units.items() if c not in never},

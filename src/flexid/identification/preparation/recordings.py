@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import ceil, floor, hypot
+from math import ceil, hypot
 from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
@@ -403,7 +403,9 @@ def aligned(recording: Recording, alignment: Alignment) -> Recording:
     """
     drive = alignment.input_delay.value / recording.sample_time
     link = -alignment.link_delay.value / recording.sample_time
-    acting = None if recording.input is None else _later_input(recording.input, drive)
+    acting, places = recording.input, np.arange(len(recording))
+    if acting is not None and drive != 0.0:
+        acting = np.interp(places - drive, places, acting)
     shifted = replace(recording, input=acting)
     first, last = max(ceil(drive), 0), max(ceil(-drive), 0)
     if recording.link_position is not None and link != 0.0:
@@ -418,14 +420,3 @@ def aligned(recording: Recording, alignment: Alignment) -> Recording:
         before, after = invalid_ends(link)
         first, last = max(first, before), max(last, after)
     return shifted.window(first, len(recording) - last) if first or last else recording
-
-
-def _later_input(values: FloatArray, samples: float) -> FloatArray:
-    """Return an input, held or on straight lines, shifted to later times by `samples`."""
-    whole = floor(samples)
-    part = samples - whole
-    places = np.arange(len(values)) - whole
-    last = len(values) - 1
-    return (1.0 - part) * values[np.clip(places, 0, last)] + part * values[
-        np.clip(places - 1, 0, last)
-    ]

@@ -24,9 +24,8 @@ from flexid.identification.full_model.model import Fitted, Structure
 from flexid.identification.structure.elimination import eliminate, latest
 from flexid.identification.structure.gap import settled
 from flexid.identification.structure.sought_terms import SOUGHT_COEFFICIENTS
-from flexid.identification.vocabulary import Progress
 from flexid.identification.vocabulary.evidence import Estimate, SegmentEvidence, TermEvidence
-from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
+from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE, POSITIVE, SATURATION, coefficients_of
 
 _LEAST_EXPLAINED = 0.5  # least share of the residuals beyond noise that unusual terms must explain
@@ -64,21 +63,17 @@ class Choice:
 
 
 def choose_structure(
-    by_length: FitsByLength,
-    kept: Collection[str],
-    with_shapes: bool,
-    progress: Progress,
-    thresholds: Thresholds = THRESHOLDS,
+    by_length: FitsByLength, kept: Collection[str], *, with_shapes: bool
 ) -> Choice:
     """Remove terms of the full model that a log does not show.
 
     If the fit of all terms leaves too much to be reported, no term is removed, unless an exact fit
     is required: fewer terms would leave even more.
     """
-    found, exact = list(by_length.found), by_length.exact
+    found, exact, thresholds = list(by_length.found), by_length.exact, by_length.thresholds
     best = best_length(found) if by_length.free_length else found[-1]
-    progress("removing terms that the log does not show")
-    wider, asked = _wider(best, by_length, thresholds) if with_shapes else (best, by_length)
+    by_length.progress("removing terms that the log does not show")
+    wider, asked = _wider(best, by_length) if with_shapes else (best, by_length)
     if not exact and not is_acceptable(wider, thresholds):
         return Choice(wider.structure, wider.structure, wider, (), tuple(found), asked)
     explained = explains(best, thresholds) and by_length.free_length
@@ -92,7 +87,7 @@ def choose_structure(
         leaner = fit_like(structure, wider) or fit_like(structure, wider, ROUGH)
         if leaner is None:
             break
-        found = [leaner, *by_length.longer(leaner, thresholds)]
+        found = by_length.onward(leaner)
         longer = best_length(found) if by_length.free_length else found[-1]
         if longer is leaner:
             best, fitted_as = leaner, structure
@@ -110,7 +105,7 @@ def choose_structure(
         asked_for = by_length.found[-1].structure
         lost = (asked_for.joint.shapes - asked_for.absent) & fitted.structure.absent - {*kept}
         if lost:
-            return choose_structure(by_length, {*kept, *lost}, with_shapes, progress, thresholds)
+            return choose_structure(by_length, {*kept, *lost}, with_shapes=with_shapes)
     if fitted.structure.timing.hold != wider.structure.timing.hold:
         asked = by_length
     as_settled = settled(fitted)
@@ -175,13 +170,11 @@ def _without_negative_friction(fitted: Fitted, kept: Collection[str]) -> Fitted 
     return fit_like(fitted.structure.without(negative), fitted) if negative else None
 
 
-def _wider(
-    best: Fitted, by_length: FitsByLength, thresholds: Thresholds
-) -> tuple[Fitted, FitsByLength]:
+def _wider(best: Fitted, by_length: FitsByLength) -> tuple[Fitted, FitsByLength]:
     """Return a fit with unusual terms too, and its lengths; unchanged if that fit fails."""
     # If unusual terms explain most of the residuals beyond noise, the hold was chosen among fits
     # that did not explain the log. Then it is chosen again.
-    joint = best.structure.joint
+    joint, thresholds = best.structure.joint, by_length.thresholds
     shapes = joint.shapes - joint.remembered - SOUGHT_COEFFICIENTS
     if shapes & SATURATION and not shows_saturation(best.data):
         shapes -= SATURATION

@@ -40,9 +40,7 @@ from flexid.identification.full_model.starting import (
     short,
     unexplained_link,
 )
-from flexid.identification.vocabulary import Progress
 from flexid.identification.vocabulary.evidence import Estimate
-from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,
     CONTACT_DAMPING,
@@ -190,7 +188,7 @@ def as_wide(structure: Structure, width: float, centre: float | None = None) -> 
 
 def width_of(structure: Structure) -> float:
     """Return the width of play's shape in rad; zero if the joint has no such term."""
-    return structure.joint.extended.constants.get(BACKLASH_WIDTH, 0.0)
+    return structure.joint.constants.get(BACKLASH_WIDTH, 0.0)
 
 
 def about_its_centre(structure: Structure, data: Data) -> Structure:
@@ -210,7 +208,7 @@ def about_its_centre(structure: Structure, data: Data) -> Structure:
 
 def _centre_of(structure: Structure) -> float:
     """Return the deflection in rad in the middle of the play; zero if encoders share a zero."""
-    return structure.joint.extended.constants.get(SPRING_CENTRE, 0.0)
+    return structure.joint.constants.get(SPRING_CENTRE, 0.0)
 
 
 def _off_centre(fitted: Fitted) -> float:
@@ -288,21 +286,18 @@ def with_free_width(estimate: Estimate, fitted: Fitted) -> Estimate:
     return estimate.turned(np.eye(len(moved)) + np.outer(moved, gradient) / left)
 
 
-def fit_with_play(
-    by_length: FitsByLength, chosen: Sequence[Fitted], progress: Progress, thresholds: Thresholds
-) -> FitsByLength | None:
+def fit_with_play(by_length: FitsByLength, chosen: Sequence[Fitted]) -> FitsByLength | None:
     """Fit a joint with play if the fit without play leaves more than noise.
 
     Returns None if the model without play explains the log, if no start with play is far better, or
     if another term explains more.
     """
     full, data = by_length.found[-1].structure, by_length.found[-1].data
-    play = PLAY & full.joint.shapes
+    play, thresholds = PLAY & full.joint.shapes, by_length.thresholds
     if not play or all(f.excess <= thresholds.sensor_excess for f in by_length.found):
         return None
-    progress("play of the joint")
-    structure = replace(full, absent=full.absent - play)
-    floor = thresholds.noise_floor(by_length.found[0].excess)
+    by_length.progress("play of the joint")
+    structure, floor = replace(full, absent=full.absent - play), by_length.floor
     divisions, without = short(by_length.divisions), by_length.found[0]
     # A first step that promises less than the fit without play leads nowhere.
     is_alike = len(without.problem.segments) == len(divisions[0])
@@ -327,8 +322,7 @@ def fit_with_play(
         return None
     if leaves_more(last, chosen, thresholds):
         return None
-    found = [last, *by_length.longer(last, thresholds)]
-    return by_length.with_term(found, thresholds)
+    return by_length.with_term(by_length.onward(last))
 
 
 class LikelyPlay(NamedTuple):

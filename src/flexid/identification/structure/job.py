@@ -1,7 +1,7 @@
 """Identification job from logs and settings, and the search for the structure."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -22,6 +22,7 @@ from flexid.identification.preparation.settings import Settings, check_against, 
 from flexid.identification.preparation.stated import Stated, stated
 from flexid.identification.structure.choice import Choice, choose_structure
 from flexid.identification.structure.gap import (
+    CHANCE,
     about_its_centre,
     as_wide,
     fit_with_play,
@@ -125,7 +126,7 @@ class Job:
         own, rest = (self.structure, self.training), (self.progress, self.thresholds)
         by_length = fit_full_model(*own, self.holds, durations, *rest, exact=self.exact)
         asked = (shape for shape in SOUGHT if not shape.coefficients.isdisjoint(self.kept))
-        return fit_requested_shapes(asked, by_length, *rest)
+        return fit_requested_shapes(asked, by_length)
 
     @cached_property
     def structure(self) -> Structure:
@@ -206,7 +207,7 @@ def job_of(
 def _link_coefficients(joint: Joint) -> frozenset[str]:
     """Return the coefficients of terms in the link's row, which a clamped link does not show."""
     # The spring's damping is among them. With a clamped link it acts like the motor's friction.
-    link = joint.remembering.rows[0].regressors.keys()
+    link = joint.systems[2].rows[0].regressors.keys()
     return frozenset(c for names in joint.terms.values() if link & {*names} for c in names)
 
 
@@ -251,6 +252,9 @@ def _predicting(job: Job) -> tuple[Choice, Validation]:
         allowed = thresholds.generous_gain if leaner else 0.0  # a leaner model is preferred
         if misprediction(validation) >= misprediction(other) + allowed:
             choice, validation = rival, other
+    for shape in SOUGHT:
+        if not shape.looks_like.isdisjoint(choice.fitted.names):
+            choice, validation = _unless_likelier(shape, choice, validation, job)
     tried: FitsByLength | None = None
     while choice.by_length is not tried and not explains(choice.fitted, thresholds):
         tried = choice.by_length
@@ -270,9 +274,24 @@ def _predicting(job: Job) -> tuple[Choice, Validation]:
 
 def _chosen(job: Job, by_length: FitsByLength, *, with_shapes: bool) -> tuple[Choice, Validation]:
     """Return the structure of a full model that the log shows, or a better rival, and its fit."""
-    choice = choose_structure(by_length, job.kept, with_shapes, job.progress, job.thresholds)
+    choice = choose_structure(by_length, job.kept, with_shapes=with_shapes)
     job.progress("predicting the held-out data")
     return _preferred(choice, job)
+
+
+def _unless_likelier(
+    shape: SoughtShape, choice: Choice, validation: Validation, job: Job
+) -> tuple[Choice, Validation]:
+    """Return the choice, or the likelier one with a term that the chosen one looks like."""
+    # Both may leave no more than noise, so that neither predicts better.
+    with suppress(ConvergenceError):
+        found = fit_requested_shapes([shape], choice.by_length)
+        rival, its = _chosen(job, found, with_shapes=True)
+        fall = choice.fitted.excess - rival.fitted.excess
+        is_likelier = fall * choice.fitted.problem.degrees_of_freedom > CHANCE
+        if is_likelier and shape.is_possible(rival.fitted):
+            return rival, its
+    return choice, validation
 
 
 def _further_searches(
@@ -282,8 +301,6 @@ def _further_searches(
     by_length = choice.by_length
     full = by_length.found[-1]
     before = turning(by_length.found, job.thresholds)
-    if before is None and by_length.has_longer(full):  # which has failed, for want of a term
-        before = full
     late = []
     if before is not None and before.unexplained_over(TURNING) <= job.thresholds.shape_motion:
         for shape in (shape for shape in (HYSTERETIC, *SOUGHT) if not shape.is_in(full)):
@@ -300,8 +317,7 @@ def _with_shape(
     shape: SoughtShape, by_length: FitsByLength, before: Fitted, job: Job, chosen: Choice
 ) -> FitsByLength | None:
     """Return fits with a shape whose constant is sought; None if play is the leaner explanation."""
-    rest = chosen.by_length.found, job.progress, job.thresholds, job.kept
-    found = fit_with_shape(shape, by_length, before, *rest)
+    found = fit_with_shape(shape, by_length, before, chosen.by_length.found, job.kept)
     return None if found is None or is_slack(found.found[-1]) else found
 
 
@@ -316,7 +332,7 @@ def _with_play(by_length: FitsByLength, chosen: Choice, job: Job) -> FitsByLengt
     """Return fits with play; None if the choice so far explains the log, or play does not help."""
     if chosen.fitted.excess <= job.thresholds.sensor_excess:
         return None
-    return fit_with_play(by_length, chosen.by_length.found, job.progress, job.thresholds)
+    return fit_with_play(by_length, chosen.by_length.found)
 
 
 def _preferred(choice: Choice, job: Job) -> tuple[Choice, Validation]:

@@ -103,7 +103,7 @@ class Skew:
     deviation: float  # standard deviation in s, from the spread between parts of the log
     explained: float  # explained share of the deflection's variance
     excess: float  # mean square of the remainder over the deflection's noise
-    by_spring: float  # share of the remainder that the link's acceleration explains
+    by_spring: float  # share of the remainder, or of that without gravity, by the acceleration
 
     @property
     def makes_the_deflection(self) -> bool:
@@ -125,7 +125,10 @@ def skew(joint: Joint, data: Data) -> Skew:
     for samples in data.samples:
         assert samples.velocities is not None
         speed, acceleration = samples.velocities[:, -1], np.gradient(samples.velocities[:, 0])
-        rows.append(np.column_stack((speed - speed.mean(), acceleration)))
+        link = samples.positions[:, 0]
+        gravity = (np.sin(link), np.cos(link)) if joint.type == "revolute" else ()
+        row = np.column_stack((speed, acceleration, *gravity))
+        rows.append(row - row.mean(axis=0))
         deflection = joint.channels_of(samples.positions, samples.inputs)[:, -1]
         left.append(deflection - deflection.mean())
         noise += len(samples) / count * position_noise(deflection) ** 2
@@ -135,17 +138,25 @@ def skew(joint: Joint, data: Data) -> Skew:
     delays = [np.linalg.lstsq(rows_of, of_part)[0][0] for rows_of, of_part in parts]
     late = deflection - regressors[:, 0] * solution[0]
     remaining = float(np.var(late))
-    beyond = (
-        float(np.var(late - regressors[:, 1] * solution[1])) if solution[1] < 0.0 else remaining
-    )
     least = np.finfo(float).tiny
+    # An eccentric encoder looks like gravity, so gravity is no evidence of a spring. It may hide
+    # the acceleration, or, in a small swing at one frequency, replace it.
+    by_spring = max(_by_first(late, regressors[:, 1 : 1 + n]) for n in (1, regressors.shape[1]))
     return Skew(
         -float(solution[0]),
         float(np.std(delays, ddof=1)) / np.sqrt(_PARTS),
         1.0 - remaining / max(float(np.var(deflection)), least),
         remaining / max(noise, least),
-        1.0 - beyond / max(remaining, least),
+        by_spring,
     )
+
+
+def _by_first(target: FloatArray, regressors: FloatArray) -> float:
+    """Return the share that a negative first regressor explains of what the others leave."""
+    own, others = regressors[:, 0], regressors[:, 1:]
+    rest, first = (each - others @ np.linalg.lstsq(others, each)[0] for each in (target, own))
+    square, product = float(first @ first), float(first @ rest)
+    return product**2 / (square * float(rest @ rest)) if product < 0.0 < square else 0.0
 
 
 def shifted(data: Data, delay: float) -> Data:

@@ -32,9 +32,9 @@ from flexid.identification.full_model.fitting import (
 )
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.preparation.joint import Joint
-from flexid.identification.vocabulary import Progress
 from flexid.identification.vocabulary.thresholds import Thresholds
 
+_LINEAR = 1.0  # stands for the constant of a linear term, which has none
 _APART = 2.0  # distance of the followed candidates, over the resolution
 _AROUND = np.linspace(-0.4, 0.4, 5)  # distances of constants from a candidate, over the resolution
 
@@ -45,14 +45,15 @@ class SoughtShape:
 
     words: str  # description of the term
     coefficients: frozenset[str]  # of the term, including tied ones and the constant
-    constant: str | None = None  # the constant's name in the model; None for a linear term
+    constant: str = ""  # the constant's name in the model; empty for a linear term
     # returns candidate values of the constant; none if nothing moves
-    candidates: Callable[[Structure, Data], list[float]] = lambda *_: [0.0]
+    candidates: Callable[[Structure, Data], list[float]] = lambda *_: [_LINEAR]
     # returns the difference of two constants that the data clearly distinguish
     resolution: Callable[[Joint, Data], float] = lambda *_: 0.0
     # returns the lower limit of a visible constant
     least: Callable[[Fitted], float] = lambda _: 0.0
     in_place_of: frozenset[str] = frozenset()  # coefficients of a similar usual term
+    looks_like: frozenset[str] = frozenset()  # coefficients of an unusual term that may hide it
     laws: tuple[Mapping[str, float], ...] = ({},)  # values of further constants that are tried
     rare_laws: tuple[Mapping[str, float], ...] = ()  # values tried from a fit with another law
     is_possible: Callable[[Fitted], bool] = lambda _: True  # whether a fit has possible values
@@ -63,19 +64,16 @@ class SoughtShape:
 
     def of(self, structure: Structure) -> float:
         """Return the constant of a structure."""
-        return structure.joint.first[self.constant] if self.constant else 0.0
+        return structure.joint.first.get(self.constant, _LINEAR)
 
     def put(self, structure: Structure, value: float) -> Structure:
         """Return the structure with another constant."""
-        if self.constant is None:
-            return structure
-        return replace(structure, joint=structure.joint.with_widths({self.constant: value}))
+        return structure.beginning_at({self.constant: value})
 
     def held_in(self, structure: Structure) -> Structure:
         """Return the structure with the constant fixed: without the term nothing determines it."""
-        if self.constant is None:
-            return structure
-        return replace(structure, fixed={**structure.fixed, self.constant: self.of(structure)})
+        given = {self.constant: self.of(structure)} if self.constant else {}
+        return replace(structure, fixed={**structure.fixed, **given})
 
     def extensions(self, structure: Structure, kept: Collection[str] = ()) -> Iterator[Structure]:
         """Yield the structure with each law of the term, and with the term for a similar one.
@@ -100,12 +98,11 @@ class SoughtShape:
     def visible_candidates(self, fitted: Fitted) -> list[float]:
         """Return the candidates of the constant that would be visible next to a fit without it."""
         every, least = self.candidates(fitted.structure, fitted.data), self.least(fitted)
-        return [value for value in every if value > least or self.constant is None]
+        return [value for value in every if value > least]
 
     def is_seen_in(self, fitted: Fitted) -> bool:
         """Whether the constant of a fit is large enough to be visible, and its values possible."""
-        visible = self.constant is None or self.of(fitted.structure) > self.least(fitted)
-        return visible and self.is_possible(fitted)
+        return self.of(fitted.structure) > self.least(fitted) and self.is_possible(fitted)
 
     def is_in(self, fitted: Fitted) -> bool:
         """Whether a fit has the term, with fitted or given coefficients."""
@@ -119,8 +116,6 @@ def fit_with_shape(
     by_length: FitsByLength,
     before: Fitted,
     chosen: Sequence[Fitted],
-    progress: Progress,
-    thresholds: Thresholds,
     kept: Collection[str] = (),
 ) -> FitsByLength | None:
     """Fit a joint with one more term if the fit without it leaves more than noise.
@@ -130,32 +125,28 @@ def fit_with_shape(
     full = by_length.found[-1].structure
     if shape.coefficients.isdisjoint(full.joint.shapes):
         return None
-    progress(shape.words)
-    floor = thresholds.noise_floor(by_length.found[0].excess)
+    by_length.progress(shape.words)
     firsts: list[Fitted] = []
-    for first in _explaining(shape, before, shape.extensions(full, kept), floor, thresholds):
+    for first in _explaining(shape, before, shape.extensions(full, kept), by_length):
         firsts.append(first)
-        if first.excess <= thresholds.sensor_excess:
+        if first.excess <= by_length.thresholds.sensor_excess:
             break
     else:
         if len(firsts) > 1:  # they are compared when they have converged
             firsts = [fit_from(first, first.structure) or first for first in firsts]
     best = min(firsts, key=lambda first: first.excess, default=None)
-    if best is None or leaves_more(best, chosen, thresholds):
+    if best is None or leaves_more(best, chosen, by_length.thresholds):
         return None
-    return _with_best_law(shape, best, by_length, thresholds)
+    return _with_best_law(shape, best, by_length)
 
 
-def _with_best_law(
-    shape: SoughtShape, first: Fitted, by_length: FitsByLength, thresholds: Thresholds
-) -> FitsByLength:
+def _with_best_law(shape: SoughtShape, first: Fitted, by_length: FitsByLength) -> FitsByLength:
     """Return fits over all lengths from the first one, with the likeliest law of the term."""
-    found = [first, *by_length.longer(first, thresholds)]
-    likelier = _with_likelier_law(shape, found[-1], thresholds)
-    if likelier is not found[-1]:
-        # Fits of shorter segments would lead back to another minimum.
-        found = [likelier, *by_length.longer(likelier, thresholds)]
-    return by_length.with_term(found, thresholds)
+    found = by_length.onward(first)
+    likelier = _with_likelier_law(shape, found[-1], by_length.thresholds)
+    # Fits of shorter segments would lead back to another minimum.
+    found = found if likelier is found[-1] else by_length.onward(likelier)
+    return by_length.with_term(found)
 
 
 def _with_likelier_law(shape: SoughtShape, fitted: Fitted, thresholds: Thresholds) -> Fitted:
@@ -177,11 +168,10 @@ def _explaining(
     shape: SoughtShape,
     before: Fitted,
     extensions: Iterable[Structure],
-    floor: float,
-    thresholds: Thresholds,
+    by_length: FitsByLength,
 ) -> Iterator[Fitted]:
     """Yield for each extended structure the first fit that explains most of the residuals."""
-    some = sampled(before)
+    some, thresholds = sampled(before), by_length.thresholds
     for wider in extensions:
         gone = wider.absent & {*some.names}
         start = fit_like(some.structure.without(gone), some, ROUGH) if gone else some
@@ -190,7 +180,7 @@ def _explaining(
         for promise, structure in _promising(shape, start, wider):
             if promise < thresholds.shape_promise:
                 continue
-            rest = floor, thresholds, shape.is_seen_in
+            rest = by_length.floor, thresholds, shape.is_seen_in
             held = fit_from(start, shape.held_in(structure), steps=EXPLORING) or start
             first = explained_by(before, structure, held.by_name, *rest)
             if first is not None:
@@ -198,12 +188,7 @@ def _explaining(
                 break
 
 
-def fit_requested_shapes(
-    shapes: Iterable[SoughtShape],
-    by_length: FitsByLength,
-    progress: Progress,
-    thresholds: Thresholds,
-) -> FitsByLength:
+def fit_requested_shapes(shapes: Iterable[SoughtShape], by_length: FitsByLength) -> FitsByLength:
     """Fit a joint with further terms that the settings require.
 
     The term that explains the most comes first, since only then the log shows the constants of the
@@ -213,33 +198,30 @@ def fit_requested_shapes(
     while left:
         firsts: list[tuple[float, Fitted, SoughtShape]] = []
         for shape in left:
-            progress(shape.words)
-            tried = _requested(shape, by_length, thresholds)
-            firsts += [(share, first, shape) for share, first in tried]
+            by_length.progress(shape.words)
+            firsts += [(share, first, shape) for share, first in _requested(shape, by_length)]
         if not firsts:
             raise ConvergenceError(
                 "prediction error", f"the fit with {left[0].words} fails: drop the term"
             )
         _, first, shape = min(firsts, key=itemgetter(0))
-        by_length = _with_best_law(shape, first, by_length, thresholds)
+        by_length = _with_best_law(shape, first, by_length)
         left.remove(shape)
         done.append(shape)
     for shape in done[:-1]:
         before = by_length.found[-1]
-        likelier = _with_likelier_law(shape, before, thresholds)
+        likelier = _with_likelier_law(shape, before, by_length.thresholds)
         if likelier is not before:
-            found = [likelier, *by_length.longer(likelier, thresholds)]
-            by_length = by_length.with_term(found, thresholds)
+            by_length = by_length.with_term(by_length.onward(likelier))
     return by_length
 
 
-def _requested(
-    shape: SoughtShape, by_length: FitsByLength, thresholds: Thresholds
-) -> list[tuple[float, Fitted]]:
+def _requested(shape: SoughtShape, by_length: FitsByLength) -> list[tuple[float, Fitted]]:
     """Return fits with a required term, each with the share of the residuals that it leaves.
 
     If the constant stays fixed though the log shows it, shorter segments are tried.
     """
+    thresholds = by_length.thresholds
     usual = turning(by_length.found, thresholds) or by_length.found[-1]
     shorter = [each for each in by_length.found if each.duration < usual.duration]
     wider = [*shape.extensions(by_length.found[-1].structure, shape.in_place_of)]
@@ -287,9 +269,6 @@ def _promising(
 ) -> Iterator[tuple[float, Structure]]:
     """Yield structures with the most promising constants, each with its predicted share."""
     structure = wider.with_hold(before.structure.timing.hold)
-    if shape.constant is None:
-        yield _promised(before, structure), structure
-        return
     if (given := structure.fixed.get(shape.constant)) is not None:
         known = shape.put(structure, given)
         yield _promised(before, known), known
@@ -317,6 +296,6 @@ def _near(
 ) -> list[tuple[float, Structure]]:
     """Return predicted shares and structures for constants within the resolution."""
     resolution = shape.resolution(shape.put(structure, value).joint, before.data)
-    constants = (value + _AROUND * resolution).tolist()
+    constants = np.unique(value + _AROUND * resolution).tolist()
     near = [shape.put(structure, away) for away in constants if away > shape.least(before)]
     return side_by_side(lambda own: (_promised(before, own), own), near)

@@ -34,6 +34,7 @@ from flexid.models.flexible_joint import (
     STRIBECK_EXPONENT,
     STRIBECK_VELOCITY,
 )
+from flexid.recording.slow_motion import LARGEST_SCALE_ERROR
 
 _LINK, _MOTOR = 0, 1  # indices of rows and positions
 _BY_LINK = frozenset({"link"})  # what disturbs the motor may look like the term in its balance
@@ -58,6 +59,7 @@ _GRIPS, _NEXT_GRIP = (0.25, 0.5, 1.0, 2.0, 4.0), 0.2
 # Bends over the deflection's standard deviation, counted from its mean, which a preload shifts.
 _DEFLECTIONS, _NEXT_DEFLECTION = (0.0, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0), 0.4
 _LEAST_DEFLECTION = 0.2  # least bend, likewise: a smaller one looks like friction
+_SCALE = SHAPE_TERMS["scale_error"]
 _BENDS = (*SHAPE_TERMS["bent_spring"].link, *SHAPE_TERMS["bent_spring"].motor)
 # Stiffness below the bend over that beyond it, up to which the bend looks like play; among
 # disturbances play of 1 to 3 mrad had up to 0.05.
@@ -215,6 +217,7 @@ STRIBECK = SoughtShape(
     laws=({STRIBECK_EXPONENT: 2.0}, {STRIBECK_EXPONENT: 1.0}),
     rare_laws=({STRIBECK_EXPONENT: 0.5},),
     is_possible=_falls,
+    looks_like=frozenset(SHAPE_TERMS["motor_drag"].coefficients),
 )
 """Stribeck friction of the motor, and its velocity."""
 
@@ -263,7 +266,7 @@ def deflections(structure: Structure, data: Data) -> list[float]:
     mean, usual = _deflection(structure.joint, data)
     if not usual > 0.0:
         return []
-    mean -= structure.joint.extended.constants[SPRING_CENTRE]
+    mean -= structure.joint.constants[SPRING_CENTRE]
     tried = {abs(mean) + sign * share * usual for share in _DEFLECTIONS for sign in (-1.0, 1.0)}
     return sorted(deflection for deflection in tried if deflection >= _LEAST_DEFLECTION * usual)
 
@@ -275,6 +278,19 @@ def spring_grips(structure: Structure, data: Data) -> list[float]:
     return [share * usual for share in _GRIPS] if moves else []
 
 
+def _brakes(fitted: Fitted) -> bool:
+    """Whether hysteresis brakes, along a path shorter than the range of the deflection.
+
+    Along a longer one it acts like the spring, and follows a drift of the deflection.
+    """
+    values, grip = fitted.by_name, fitted.by_name.get(HYSTERESIS_GRIP)
+    if any(values.get(name, 0.0) < 0.0 for name in HYSTERESIS):  # it would mean a gap
+        return False
+    if grip is None:  # it is still fixed
+        return True
+    return grip * float(np.ptp(fitted.structure.joint.deflections(fitted.data.samples))) > 1.0
+
+
 HYSTERETIC = SoughtShape(
     "hysteresis of the spring",
     HYSTERESIS,
@@ -282,8 +298,7 @@ HYSTERETIC = SoughtShape(
     spring_grips,
     lambda joint, _: _NEXT_GRIP * joint.first[HYSTERESIS_GRIP],
     shown_in=_BY_LINK,
-    # a negative friction would mean a gap
-    is_possible=lambda fitted: all(fitted.by_name.get(name, 0.0) >= 0.0 for name in HYSTERESIS),
+    is_possible=_brakes,
 )
 """Hysteresis of the spring, and one over the deflection along which its friction reverses."""
 
@@ -345,7 +360,24 @@ PARALLEL = SoughtShape(
 )
 """A spring between the link and the base, such as a cable."""
 
-SOUGHT = (PROGRESSIVE, STRIBECK, RIPPLE, BEND, PARALLEL, TRANSMISSION, PRESLIDING)
+
+def _is_small(fitted: Fitted) -> bool:
+    """Whether two encoders differ in scale by little; more is a soft joint, or another motion."""
+    pairs = zip(SPRING, (*_SCALE.link, *_SCALE.motor), strict=True)
+    shares = (fitted.by_name.get(error, 0.0) / fitted.by_name.get(k, np.inf) for k, error in pairs)
+    is_gauge = bool(fitted.data.relative_to)
+    return not is_gauge and all(abs(share) < LARGEST_SCALE_ERROR for share in shares)
+
+
+SCALES = SoughtShape(
+    "an error of scales",
+    frozenset(SHAPE_TERMS["scale_error"].coefficients),
+    shown_in=_BY_LINK,
+    is_possible=_is_small,
+)
+"""Different scales of the two encoders, or a wrong gear ratio."""
+
+SOUGHT = (PROGRESSIVE, STRIBECK, RIPPLE, BEND, SCALES, PARALLEL, TRANSMISSION, PRESLIDING)
 """Terms that are tried one by one, mostly with a constant that is sought.
 
 A required term is sought likewise, except hysteresis: it is fitted with the usual terms, from the
