@@ -1,5 +1,6 @@
 """Doubts: possible errors of the rig and removed terms, and how far each shifts a value."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -40,6 +41,7 @@ def doubted(
         values=values,
         data=SimpleNamespace(scales_apart=apart, recordings=(SimpleNamespace(sample_time=step),)),
         structure=SimpleNamespace(
+            fixed={},
             timing=Timing("zero", sought=(INPUT,)),
             joint=SimpleNamespace(nonlinear={"alpha_stribeck": "stribeck_velocity"}),
         ),
@@ -118,11 +120,15 @@ def test_values_of_one_balance_move_together():
     assert ((two != 0.0).sum(axis=1) <= 1).all()
 
 
-def among(doubt: Any, **values: float) -> np.ndarray:
-    """Return the directions of a doubt about a fit of these values."""
+NOTHING: Mapping[str, float] = {}
+
+
+def among(doubt: Any, fixed: Mapping[str, float] = NOTHING, /, **values: float) -> np.ndarray:
+    """Return the directions of a doubt about a fit of these values, besides fixed ones."""
     found = doubted(apart=0.02)
     own = {"names": (*values,), "values": np.array([*values.values()]), "by_name": values}
     fitted: Any = SimpleNamespace(**{**vars(found.fitted), **own})
+    fitted.structure.fixed = fixed
     return doubt(replace(found, fitted=fitted))
 
 
@@ -132,8 +138,9 @@ def test_what_depends_on_the_terms():
     A heavier balance changes no velocity. The motor's springs may be stiffer by half the squared
     friction of the load. A spring to the base explains different scales of encoders, unless there
     is no motor's balance. As it is open which encoder is right, an error of scales is one of the
-    motor's balance, or of its spring alone. Torque and reach of a hysteresis may both be larger by
-    15 %; what it leaves of the link's acceleration, 10 %, may be the spring's.
+    motor's balance, but for viscous friction, of its spring, or of its input. Torque and reach of a
+    hysteresis may both be larger by 15 %; what it leaves of the link's acceleration, 10 %, may be
+    the spring's.
     """
     moved = among(doubts.looks_like_the_acceleration, **VALUES, stribeck_velocity=1.0)
     assert moved.any(axis=1).tolist() == [True] * len(VALUES) + [False]
@@ -143,9 +150,13 @@ def test_what_depends_on_the_terms():
     assert not among(doubts.scales_apart, **VALUES, theta_parallel=3.0).size
     assert among(doubts.scales_apart, theta2=100.0, theta_parallel=3.0).size
     scaled = {"theta2": 100.0, "alpha1": 300.0, "alpha2": 2.0, "alpha_scale": 0.9}
+    scaled |= {"alpha_drag": 4.0, "beta1": 3.0}
     moved = ROOT / 0.003 * among(doubts.scales_apart, **scaled)
-    assert moved[:, 0] == pytest.approx([0.0, 300.0, 2.0, 0.9])
-    assert moved[:, 1:].sum(axis=1) == pytest.approx([0.0, 300.0, 0.0, 0.0])
+    assert moved[:, 0] == pytest.approx([0.0, 300.0, 0.0, 0.9, -4.0, 3.0])
+    assert moved[:, 1] == pytest.approx([0.0, 300.0, 0.0, 0.9, 0.0, 0.0])
+    assert moved[:, 2] == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.0, 3.0])
+    known = among(doubts.scales_apart, {"alpha1": 300.0}, alpha_scale=0.9, beta1=3.0)
+    assert ROOT / 0.003 * known == pytest.approx(np.array([[0.9, 0.9, 0.0], [3.0, 0.0, 3.0]]))
     moved = among(doubts.another_law, alpha1=300.0, alpha_hysteresis=2.0, hysteresis_grip=50.0)
     spring = 0.1 / np.sqrt(3.0) * 300.0
     assert moved == pytest.approx(np.array([[0.0, spring], [0.3, 0.0], [-7.5, 0.0]]))

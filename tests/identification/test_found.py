@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_joint import JOINT, assert_holds, data, log, made, pushed, seen, turned
+from benchmarks.trials.generate import make_trial
+from made_joint import JOINT, assert_holds, data, log, made, pushed, recording, seen, turned
 from simulated_cases import BENT, BRISTLES, DRY, HYSTERESIS, RIPPLED, SLID, STICTION, Case
 
 from flexid.arrays import to_json
@@ -170,6 +171,24 @@ def test_an_error_of_scales_is_found_among_disturbances():
     assert_holds(found, {"scale_error": 0.005}, 0.6)
     assert_holds(found, {"joint_stiffness": 150.0}, 0.1)
     assert_holds(found, {"gravity_torque": 5.0}, 0.4)
+
+
+def test_a_spring_to_the_base_of_a_link_alone_is_no_error_of_scales():
+    """Assert the spring, where the link's balance alone cannot tell one from the other."""
+    found = identify([log(made(1, 8.0, parallel_stiffness=1.0))], LINK)
+    assert found.choices.terms == ("gravity", "parallel_spring")
+    assert_holds(found, {"joint_stiffness_per_link_inertia": 100.0})
+
+
+def test_an_error_of_scales_may_go_again():
+    """Assert that an error of scales, which this hysteresis first looks like, is not left."""
+    trial = make_trial("hysteresis_other", 310)
+    found = identify(
+        [log(recording(trial.time, trial.link_position, trial.motor_position, trial.torque))]
+    )
+    assert found.disturbances is not None
+    assert "spring_hysteresis" in found.choices.terms
+    assert "scale_error" not in found.choices.terms
 
 
 def test_presliding_is_found_among_disturbances():

@@ -388,8 +388,8 @@ def _fitted_spring(
 
 
 LENGTH = 0.005  # relative standard deviation: a ruler misses joints by 1 or 2 mm
-DIRECTION = 0.01  # rad, of slides, gravity and zeros of encoders: half a degree, a deviation
-FALL = 0.2  # relative standard deviation of a Stribeck velocity: half the step between trials
+DIRECTION = 0.01  # rad, standard deviation of slides, gravity and zeros of encoders: half a degree
+FALL = 0.2  # relative standard deviation of a Stribeck velocity: uniform between the trials
 
 
 def rig_errors(fitted: FittedArm, deflections: Sequence[int]) -> Iterator[SegmentedMotion]:

@@ -38,6 +38,7 @@ from flexid.identification.structure.gap import likely_play
 from flexid.identification.structure.link_delay import is_damping, shifted, skew
 from flexid.identification.structure.sought_terms import (
     BEND,
+    LINEAR,
     LOADED,
     PARALLEL,
     PRESLIDING,
@@ -109,10 +110,10 @@ def fit_disturbed(
         full, by_play = _with_unusual_terms(full, kept)
     else:
         by_play = _doubtful_play(full)
-    # Each unusual term has made the fit clearly likelier. A test of its value alone has less power:
-    # a hysteresis and its reach may be inseparable.
+    # Each unusual term has made the fit clearly likelier. A test of its value alone has less power
+    # if it has a constant: a hysteresis and its reach may be inseparable.
     own = full.fitted.structure
-    stays = {*kept, *(own.joint.shapes - own.absent)}
+    stays = {*kept, *(own.joint.shapes - own.absent - LINEAR)}
     best, evidence = _with_shown_terms(full, stays, thresholds)
     if is_damping(best.fitted.by_name):  # delay and friction are equivalent to one damping
         without = structure.without({LINK})
@@ -124,6 +125,7 @@ def _with_unusual_terms(full: JointInBand, kept: Collection[str]) -> tuple[Joint
     """Return the fit with all unusual terms that are likely, and the spring's doubt by play."""
     # The error of a transmission hides all other laws of the spring.
     full = with_shape(TRANSMISSION, full, kept)
+    # Different scales of the encoders look like a spring to the base.
     full = min([full, *(with_shape(one, full, kept) for one in (SCALES, PARALLEL))], key=cost_of)
     # Friction of the load hides which spring the motor's balance shows, and the other way round.
     full = with_shape(LOADED, full, kept)

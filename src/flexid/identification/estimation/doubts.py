@@ -48,6 +48,10 @@ _PARALLEL = frozenset(declared.SHAPE_TERMS["parallel_spring"].coefficients)
 _SCALE = declared.SHAPE_TERMS["scale_error"]
 _MOTOR_SPRINGS = frozenset(motor for motor, *_ in declared.TIES.values()) | {declared.SPRING[1]}
 _VISCOUS = declared.coefficients_of("motor_viscous")
+_LOADED = declared.SHAPE_TERMS["load_friction"].motor
+# Powers of the motor encoder's scale in coefficients; of all others it is one.
+_POWERS = dict.fromkeys(_VISCOUS, 0.0)
+_POWERS |= dict.fromkeys(declared.SHAPE_TERMS["motor_drag"].motor, -1.0)
 
 
 class Repeat(NamedTuple):
@@ -119,12 +123,23 @@ def scales_apart(doubted: Doubted) -> FloatArray:
 
 
 def _either_scale(doubted: Doubted) -> FloatArray:
-    """Return errors of the motor's balance if its encoder is wrong, of its spring if the link's."""
-    (error,), spring = _SCALE.motor, declared.SPRING[1]
-    values = doubted.fitted.by_name
-    share = values[error] / values[spring] / np.sqrt(3.0) if error in values else 0.0
-    own = doubted.diagonal(lambda name, value: share * value * (name == spring))
-    return np.hstack([doubted.common(share, "motor"), own])
+    """Return errors by the scale of the motor's encoder, of the link's, and of a geared torque.
+
+    If the motor's encoder reads too much, torques seem to accelerate the motor more, but not those
+    in proportion to its velocity. If the link's does, the spring seems softer. A wrong gear ratio
+    also scales the torque.
+    """
+    fitted, (error,) = doubted.fitted, _SCALE.motor
+    values = {**fitted.structure.fixed, **fitted.by_name}
+    spring = values.get(declared.SPRING[1], 0.0)
+    if error not in values or spring == 0.0:
+        return doubted.none
+    share = values[error] / spring / np.sqrt(3.0)
+    powers = [_POWERS.get(name, 1.0) for name in fitted.names]
+    springs = np.isin(fitted.names, [*_MOTOR_SPRINGS, *_LOADED])
+    gain = np.isin(fitted.names, "beta1")
+    motor = _of_balance(fitted, "motor")
+    return share * motor[:, None] * np.column_stack((powers, springs, gain))
 
 
 def coil_lag(doubted: Doubted) -> FloatArray:

@@ -378,7 +378,7 @@ class ElasticArm:
         self,
         widths: Mapping[str, float],  # noqa: ARG002 - same signature as for a joint
     ) -> "ElasticArm":
-        """Return the arm unchanged, since its terms have no constants."""
+        """Return the arm unchanged, since its terms have no sought constants."""
         return self
 
     def motion(self, segments: Segments, timing: Timing, unknowns: Unknowns) -> SegmentedMotion:

@@ -289,7 +289,11 @@ def _unless_likelier(
         rival, its = _chosen(job, found, with_shapes=True)
         fall = choice.fitted.excess - rival.fitted.excess
         is_likelier = fall * choice.fitted.problem.degrees_of_freedom > CHANCE
-        if is_likelier and shape.is_possible(rival.fitted):
+        # Shorter segments leave less with any term.
+        as_long = rival.fitted.duration >= choice.fitted.duration
+        lost = misprediction(its) - misprediction(validation)
+        fair = as_long and lost <= job.thresholds.generous_gain
+        if is_likelier and fair and shape.is_in(rival.fitted) and shape.is_possible(rival.fitted):
             return rival, its
     return choice, validation
 

@@ -34,7 +34,7 @@ from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.vocabulary.thresholds import Thresholds
 
-_LINEAR = 1.0  # stands for the constant of a linear term, which has none
+ANY = 1.0  # stands for the constant of a linear term, which has none
 _APART = 2.0  # distance of the followed candidates, over the resolution
 _AROUND = np.linspace(-0.4, 0.4, 5)  # distances of constants from a candidate, over the resolution
 
@@ -47,7 +47,7 @@ class SoughtShape:
     coefficients: frozenset[str]  # of the term, including tied ones and the constant
     constant: str = ""  # the constant's name in the model; empty for a linear term
     # returns candidate values of the constant; none if nothing moves
-    candidates: Callable[[Structure, Data], list[float]] = lambda *_: [_LINEAR]
+    candidates: Callable[[Structure, Data], list[float]] = lambda *_: [ANY]
     # returns the difference of two constants that the data clearly distinguish
     resolution: Callable[[Joint, Data], float] = lambda *_: 0.0
     # returns the lower limit of a visible constant
@@ -64,7 +64,7 @@ class SoughtShape:
 
     def of(self, structure: Structure) -> float:
         """Return the constant of a structure."""
-        return structure.joint.first.get(self.constant, _LINEAR)
+        return structure.joint.first.get(self.constant, ANY)
 
     def put(self, structure: Structure, value: float) -> Structure:
         """Return the structure with another constant."""

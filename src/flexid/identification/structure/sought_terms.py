@@ -17,7 +17,7 @@ from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.structure.gap import with_other_damping
-from flexid.identification.structure.shapes import SoughtShape
+from flexid.identification.structure.shapes import ANY, SoughtShape
 from flexid.identification.vocabulary.evidence import Estimate
 from flexid.models.flexible_joint import (
     BEND_DEFLECTION,
@@ -361,17 +361,26 @@ PARALLEL = SoughtShape(
 """A spring between the link and the base, such as a cable."""
 
 
+def _with_two_encoders(structure: Structure, data: Data) -> list[float]:
+    """Return a candidate if the log may show different scales of two encoders."""
+    # In the link's balance alone they are a spring to the base.
+    return [] if structure.joint.kind == "link" or data.relative_to else [ANY]
+
+
 def _is_small(fitted: Fitted) -> bool:
     """Whether two encoders differ in scale by little; more is a soft joint, or another motion."""
+    values = {**fitted.structure.fixed, **fitted.by_name}
     pairs = zip(SPRING, (*_SCALE.link, *_SCALE.motor), strict=True)
-    shares = (fitted.by_name.get(error, 0.0) / fitted.by_name.get(k, np.inf) for k, error in pairs)
-    is_gauge = bool(fitted.data.relative_to)
-    return not is_gauge and all(abs(share) < LARGEST_SCALE_ERROR for share in shares)
+    return all(
+        abs(values.get(error, 0.0)) <= LARGEST_SCALE_ERROR * abs(values.get(spring, np.inf))
+        for spring, error in pairs
+    )
 
 
 SCALES = SoughtShape(
     "an error of scales",
     frozenset(SHAPE_TERMS["scale_error"].coefficients),
+    candidates=_with_two_encoders,
     shown_in=_BY_LINK,
     is_possible=_is_small,
 )
@@ -386,6 +395,11 @@ grip that suits the motion.
 
 SOUGHT_COEFFICIENTS = frozenset(c for shape in SOUGHT for c in shape.coefficients)
 """Coefficients of the terms in `SOUGHT`."""
+
+LINEAR = frozenset(
+    c for shape in (LOADED, *SOUGHT) if not shape.constant for c in shape.coefficients
+)
+"""Coefficients of the terms that are sought without a constant."""
 
 
 def with_other_laws(structure: Structure) -> Iterator[Structure]:
