@@ -252,9 +252,9 @@ def _predicting(job: Job) -> tuple[Choice, Validation]:
         allowed = thresholds.generous_gain if leaner else 0.0  # a leaner model is preferred
         if misprediction(validation) >= misprediction(other) + allowed:
             choice, validation = rival, other
-    for shape in SOUGHT:
-        if not shape.looks_like.isdisjoint(choice.fitted.names):
-            choice, validation = _unless_likelier(shape, choice, validation, job)
+    alike = (one for one in SOUGHT if not one.looks_like.isdisjoint(choice.fitted.names))
+    for shape in [*alike] if explains(choice.fitted, thresholds) else []:
+        choice, validation = _unless_likelier(shape, choice, validation, job)
     tried: FitsByLength | None = None
     while choice.by_length is not tried and not explains(choice.fitted, thresholds):
         tried = choice.by_length
