@@ -59,6 +59,7 @@ CASES = {
     ),
     "unknown delays": Case(LATE, settings=PAPER, seconds={4: 10.0}),
     "a known inertia": Case(settings=replace(PAPER, known={"motor_inertia": 0.3})),
+    "a known spring": Case(settings=Settings(known={"theta2": 100.0})),
     "friction of the motor": Case(DRY, ("motor_coulomb",)),
     "friction, damping and a held torque": Case(
         DAMPED, ("joint_damping", "motor_coulomb"), seconds={5: 8.0}, hold="zero"

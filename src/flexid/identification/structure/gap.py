@@ -214,7 +214,7 @@ def _centre_of(structure: Structure) -> float:
 def _off_centre(fitted: Fitted) -> float:
     """Return the torque-free deflection less the centre, in rad; zero if no centre is sought."""
     centre = _centre_of(fitted.structure)
-    return _torque_free(fitted.by_name) - centre if centre else 0.0
+    return _torque_free({**fitted.structure.fixed, **fitted.by_name}) - centre if centre else 0.0
 
 
 def _torque_free(values: Mapping[str, float]) -> float:
@@ -250,7 +250,7 @@ def _deviation(fitted: Fitted) -> float:
 
 def _centre_deviation(fitted: Fitted) -> float:
     """Return the standard deviation of the torque-free deflection from sensor noise."""
-    values = fitted.by_name
+    values = {**fitted.structure.fixed, **fitted.by_name}
     free, stiffness = _torque_free(values), values["theta2"]
     offsets = [name.partition("[")[0] == "theta_offset" for name in fitted.names]
     gradient = np.array(offsets, dtype=np.float64) / max(sum(offsets), 1)
