@@ -175,32 +175,26 @@ def test_a_delay_of_the_torque_is_no_disturbance():
         assert found.best()[0].by_name[INPUT] == pytest.approx(delay, abs=1e-4)
 
 
-def test_a_late_link_encoder_is_found():
-    """Assert that a link encoder two samples late is fitted exactly, with that delay."""
+@pytest.mark.parametrize(
+    ("encoder", "shown", "least"),
+    [
+        ("link_1", "joint_stiffness_1 motor_viscous_friction_1 link_viscous_friction_1", None),
+        ("motor_2", "joint_stiffness_2 motor_viscous_friction_2 rotor_coupling_2", 1e-4),
+    ],
+)
+def test_a_late_encoder_is_found(encoder: str, shown: str, least: float | None):
+    """Assert that an encoder two samples late is fitted exactly, with that delay."""
     log = moved(SMOOTH)
     early = log.window(2, len(log))
     positions = early.positions.copy()
-    positions[:, 0] = log.positions[:-2, 0]
+    place = [row.name for row in STRUCTURE.joint.balance.rows].index(encoder)
+    positions[:, place] = log.positions[:-2, place]
     found = exact_fits(STRUCTURE, arm_data([replace(early, positions=positions)]), lambda _: None)
     assert found.failure == ""
     values, truth = found.best()[0].by_name, SMOOTH.truth()
-    assert values["link_1_delay"] == pytest.approx(4e-3, abs=1e-4)
-    for name in ("joint_stiffness_1", "motor_viscous_friction_1", "link_viscous_friction_1"):
-        assert values[name] == pytest.approx(truth[name], rel=2e-2), name
-
-
-def test_a_late_motor_encoder_is_found():
-    """Assert that a motor encoder two samples late is fitted exactly, with that delay."""
-    log = moved(SMOOTH)
-    early = log.window(2, len(log))
-    positions = early.positions.copy()
-    positions[:, 3] = log.positions[:-2, 3]
-    found = exact_fits(STRUCTURE, arm_data([replace(early, positions=positions)]), lambda _: None)
-    assert found.failure == ""
-    values, truth = found.best()[0].by_name, SMOOTH.truth()
-    assert values["motor_2_delay"] == pytest.approx(4e-3, abs=1e-4)
-    for name in ("joint_stiffness_2", "motor_viscous_friction_2", "rotor_coupling_2"):
-        assert values[name] == pytest.approx(truth[name], rel=2e-2, abs=1e-4), name
+    assert values[f"{encoder}_delay"] == pytest.approx(4e-3, abs=1e-4)
+    for name in shown.split():
+        assert values[name] == pytest.approx(truth[name], rel=2e-2, abs=least), name
 
 
 def test_friction_that_falls_off_its_static_value_is_found():

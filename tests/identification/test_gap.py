@@ -245,7 +245,10 @@ def test_the_deviation_of_a_centre() -> None:
     values = {"theta2": 100.0, "theta_offset[0]": 2.0, "theta_offset[1]": 4.0, "beta1": 9.0}
     reduced = SimpleNamespace(inverse=np.diag([25.0, 4.0, 4.0, 1.0]))
     fitted: Any = SimpleNamespace(
-        by_name=values, names=tuple(values), minimum=SimpleNamespace(reduced=reduced)
+        structure=SimpleNamespace(fixed={}),
+        by_name=values,
+        names=tuple(values),
+        minimum=SimpleNamespace(reduced=reduced),
     )
     variance = (0.03**2 * 25.0 + 0.5**2 * (4.0 + 4.0)) / 100.0**2
     assert gap._centre_deviation(fitted) == pytest.approx(variance**0.5)

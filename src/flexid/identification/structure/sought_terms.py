@@ -1,4 +1,6 @@
-"""Terms with a sought constant: of ripple, transmission, the motor's friction and a bent spring.
+"""Terms that are sought one by one: of ripple, transmission, friction, springs and scales.
+
+Most have a constant that is sought with them.
 
 Cogging, gear teeth and uneven commutation act on the motor as a sine of its position. The residuals
 of the motor's row are summed over the position. Their spectrum shows the number of periods in a
