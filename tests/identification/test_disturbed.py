@@ -372,6 +372,28 @@ def test_a_far_motion_tells_gravity_from_a_cable(
     assert abs(found.by_name["theta1"] - 8.0) < 2.0 * errors["theta1"]
 
 
+@pytest.mark.parametrize(
+    ("size", "terms", "least", "most"),
+    [
+        (0.25, (), 0.0, 0.001),
+        (0.25, ("gravity_cosine", "link_offset"), 0.1, 0.3),
+        (0.25, ("parallel_spring",), 1.5, 4.0),
+        (2.0, ("gravity_cosine", "link_offset"), 0.0, 0.02),
+        (2.0, ("parallel_spring",), 0.0, 0.02),
+    ],
+)
+def test_only_a_far_motion_excludes_a_curved_cable(
+    size: float, terms: tuple[str, ...], least: float, most: float
+):
+    """Assert the doubt in 1/s²: over a short way some terms take up the torque of a cable."""
+    log = data(pushed(3, 16.0, gravity_torque=8.0, size=size, motor_push=0.3))
+    fitted = among_disturbances(structure("motor_viscous", "gravity"), log).fitted
+    row = least_squares_start(fitted.structure, log, suited_rate(fitted))[1].rows[0]
+    wider = structure("motor_viscous", "gravity", *terms)
+    seen = expanded(wider.with_hold(fitted.problem.timing.hold), fitted)
+    assert least <= np.abs(estimating.by_curved_cable(seen, row)).max() < most
+
+
 CHANGE = {"alpha1": 0.03, "theta2": -0.01}  # relative
 
 

@@ -7,7 +7,13 @@ import pytest
 from joint_log import joint_columns, read_columns, said, without
 
 from flexid.arrays import FloatArray
-from flexid.recording.lost_samples import _local_inflation, all_times, even_times, lost_samples
+from flexid.recording.lost_samples import (
+    _local_inflation,
+    all_times,
+    even_times,
+    lost_samples,
+    with_hidden_losses,
+)
 
 STEP = 0.01
 
@@ -48,6 +54,19 @@ def test_lost_samples_are_found_where_they_are(positions: np.ndarray, seed: int,
     assert not found[true == 0].any()
     assert np.count_nonzero(found == true) > 0.99 * len(true)
     assert found.sum() > share * true.sum()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_losses_hidden_by_noise_are_counted(seed: int):
+    """Assert that the clock stays right where noise hides a third of the losses."""
+    lost = np.random.default_rng(seed).choice(np.arange(10, 2990), 60, replace=False)
+    kept, true = dropping(motion(3e-3, seed), lost)
+    seen = lost_of(kept)
+    every = with_hidden_losses(kept, seen)
+    assert np.all(every >= seen)
+    assert seen.sum() < 50 < every.sum() < 70
+    late = [np.abs(np.cumsum(found - true)).max() for found in (seen, every)]
+    assert late[1] < 0.4 * late[0]
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-3])

@@ -22,6 +22,7 @@ from flexid.recording.lost_samples import (
     logged_indices,
     lost_by_the_clock,
     lost_samples,
+    with_hidden_losses,
 )
 from flexid.recording.recording import INPUTS, POSITIONS, Draft, Rank
 from flexid.recording.roughness import are_smoother_at
@@ -77,15 +78,17 @@ def mend(logs: Sequence[Draft]) -> None:
         kept = logged_indices(missing)
         time = np.interp(np.arange(kept[-1] + 1), kept, time)
     elif np.count_nonzero(lost) >= FEWEST_PLACES:
-        places, missing = np.flatnonzero(lost), lost
+        places, missing = np.flatnonzero(lost), with_hidden_losses(positions, lost)
+        hidden = missing.sum() - lost.sum()
+        more = f", probably {hidden} more where noise or rest hides them," if hidden else ""
         first.warn(
             [name for log, name in sensors if log is first],
             f"in {len(places)} places all positions advance by additional whole steps "
-            f"(at {first.at(places)}): {lost.sum()} samples were lost and the time was counted "
-            f"without them, so they were interpolated: log the time of each sample",
+            f"(at {first.at(places)}): {lost.sum()} samples were lost{more} and the time was "
+            f"counted without them, so they were interpolated: log the time of each sample",
             Rank.DATA,
         )
-        time = all_times(time, lost, is_span=counted is not None)
+        time = all_times(time, missing, is_span=counted is not None)
     for log in logs:
         _put_back(log, missing, time)
 

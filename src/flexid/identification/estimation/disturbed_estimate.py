@@ -14,7 +14,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.normal_equations import scaled_inverse
 from flexid.estimators.samples import side_by_side
-from flexid.estimators.state_variable_filter import RowFit
+from flexid.estimators.state_variable_filter import RowFit, regressors
 from flexid.identification.estimation.band import Band
 from flexid.identification.estimation.disturbed import Disturbed
 from flexid.identification.estimation.doubts import (
@@ -24,6 +24,7 @@ from flexid.identification.estimation.doubts import (
     GAUGE,
     HIDDEN,
     LINK_GRAVITY,
+    LINK_STATICS,
     OF_A_BAND,
     OF_A_HALF,
     Doubted,
@@ -70,6 +71,7 @@ def disturbed_estimate(
     errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]
     errors += [
         (by_cable(fitted, squares.rows[0]), "a cable may act like gravity"),
+        (by_curved_cable(fitted, squares.rows[0]), "a cable may act like gravity"),
         (by_eccentricity(fitted), "encoder errors once per turn may look like it"),
         (by_gauge(found), "nothing confirms the scale of the deflection's sensor"),
         (by_damping(found), "damping of the joint may look like a late link encoder"),
@@ -159,6 +161,36 @@ def by_cable(fitted: Fitted, row: RowFit) -> FloatArray:
     mean = inverse @ seen.minimum.reduced.scores.sum(axis=1) / scatter
     spread = inverse[:, place] / np.sqrt(inverse[place, place])
     return gravity[:, None] * np.column_stack((spread, mean))[own]
+
+
+def by_curved_cable(fitted: Fitted, row: RowFit) -> FloatArray:
+    """Return errors of terms of the link's angle by a cable whose torque is curved over the angle.
+
+    Its parts in the square and the cube of the angle have a prior size each. Over a short way such
+    terms take up all of them, and a cosine and an offset much larger ones. The log limits the rest,
+    which it shows as well as it does gravity.
+    """
+    names = [name.partition("[")[0] for name in fitted.names]  # without a recording's number
+    places = [place for place, name in enumerate(names) if name in LINK_STATICS]
+    if LINK_GRAVITY.isdisjoint(names):
+        return no_errors(fitted)
+    system, samples = fitted.structure.joint.smoothed[1], fitted.data.samples
+    order = [system.coefficients.index(names[place]) for place in places]
+    terms = np.hstack([np.array(regressors(each, system))[order] for each in samples]).T
+    angle = np.concatenate([each.positions[:, 0] for each in samples])
+    pulls = np.vander(angle - angle.mean(), 4)[:, :2]
+    pulls *= CABLE * np.sqrt(np.mean(row.left_hand_side**2) / np.mean(pulls**2, axis=0))
+    taken = np.linalg.lstsq(terms, pulls, rcond=None)[0]
+    left = pulls - terms @ taken
+    one = next(n for n, place in enumerate(places) if names[place] in LINK_GRAVITY)
+    shown = fitted.minimum.reduced.information[places[one], places[one]] / np.sum(
+        terms[:, one] ** 2
+    )
+    shown /= max(fitted.excess, 1.0) * _scatter(fitted)
+    likely = np.linalg.cholesky(np.linalg.inv(np.eye(2) + shown * left.T @ left))
+    directions = np.zeros((len(names), 2))
+    directions[places] = taken @ likely
+    return directions
 
 
 def by_eccentricity(fitted: Fitted) -> FloatArray:
