@@ -41,7 +41,6 @@ def doubted(
         values=values,
         data=SimpleNamespace(scales_apart=apart, recordings=(SimpleNamespace(sample_time=step),)),
         structure=SimpleNamespace(
-            fixed={},
             timing=Timing("zero", sought=(INPUT,)),
             joint=SimpleNamespace(nonlinear={"alpha_stribeck": "stribeck_velocity"}),
         ),
@@ -127,8 +126,8 @@ def among(doubt: Any, fixed: Mapping[str, float] = NOTHING, /, **values: float) 
     """Return the directions of a doubt about a fit of these values, besides fixed ones."""
     found = doubted(apart=0.02)
     own = {"names": (*values,), "values": np.array([*values.values()]), "by_name": values}
+    own["all_values"] = {**fixed, **values}
     fitted: Any = SimpleNamespace(**{**vars(found.fitted), **own})
-    fitted.structure.fixed = fixed
     return doubt(replace(found, fitted=fitted))
 
 

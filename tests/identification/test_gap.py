@@ -245,8 +245,7 @@ def test_the_deviation_of_a_centre() -> None:
     values = {"theta2": 100.0, "theta_offset[0]": 2.0, "theta_offset[1]": 4.0, "beta1": 9.0}
     reduced = SimpleNamespace(inverse=np.diag([25.0, 4.0, 4.0, 1.0]))
     fitted: Any = SimpleNamespace(
-        structure=SimpleNamespace(fixed={}),
-        by_name=values,
+        all_values=values,
         names=tuple(values),
         minimum=SimpleNamespace(reduced=reduced),
     )

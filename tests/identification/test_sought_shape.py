@@ -131,9 +131,8 @@ def test_a_bend_without_stiffness_below_is_play(theta, alpha, slack):
     values |= {"alpha_bend": 100.0 - alpha}
 
     def of(names: set[str]) -> Fitted:
-        by_name = {name: values[name] for name in names}
-        made_up = SimpleNamespace(structure=SimpleNamespace(fixed={}), by_name=by_name)
-        return cast(Fitted, made_up)
+        own = {name: values[name] for name in names}
+        return cast(Fitted, SimpleNamespace(all_values=own, by_name=own))
 
     assert sought_terms.is_slack(of({*values})) == slack
     assert sought_terms.is_slack(of({"theta2", "theta_bend"})) == (theta < 1.0)

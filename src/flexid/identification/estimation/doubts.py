@@ -134,7 +134,7 @@ def _either_scale(doubted: Doubted) -> FloatArray:
     also scales the torque.
     """
     fitted, (error,) = doubted.fitted, _SCALE.motor
-    values = {**fitted.structure.fixed, **fitted.by_name}
+    values = fitted.all_values
     spring = values.get(declared.SPRING[1], 0.0)
     if error not in values or spring == 0.0:
         return doubted.none

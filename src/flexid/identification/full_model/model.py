@@ -227,6 +227,11 @@ class Fitted(Generic[M]):
         return {**self.at_bound, **dict(zip(self.names, self.values.tolist(), strict=True))}
 
     @property
+    def all_values(self) -> dict[str, float]:
+        """Values by name, including those that the structure fixes."""
+        return {**self.structure.fixed, **self.by_name}
+
+    @property
     def ended(self) -> Structure[M]:
         """Structure with the coefficients at a bound fixed there."""
         return replace(self.structure, fixed={**self.structure.fixed, **self.at_bound})

@@ -214,7 +214,7 @@ def _centre_of(structure: Structure) -> float:
 def _off_centre(fitted: Fitted) -> float:
     """Return the torque-free deflection less the centre, in rad; zero if no centre is sought."""
     centre = _centre_of(fitted.structure)
-    return _torque_free({**fitted.structure.fixed, **fitted.by_name}) - centre if centre else 0.0
+    return _torque_free(fitted.all_values) - centre if centre else 0.0
 
 
 def _torque_free(values: Mapping[str, float]) -> float:
@@ -226,7 +226,7 @@ def _torque_free(values: Mapping[str, float]) -> float:
 
 def half_gap(fitted: Fitted) -> float:
     """Return half the gap in rad; zero without play."""
-    values = {**fitted.structure.fixed, **fitted.by_name}
+    values = fitted.all_values
     for play, spring in _GAPS:
         if play in values and values.get(spring, 0.0) > 0.0:
             return values[play] / values[spring]
@@ -235,7 +235,7 @@ def half_gap(fitted: Fitted) -> float:
 
 def _gradient(fitted: Fitted) -> FloatArray:
     """Return derivatives of half the gap with respect to the values, shape (k,), width fixed."""
-    values = {**fitted.structure.fixed, **fitted.by_name}
+    values = fitted.all_values
     for play, spring in _GAPS:
         if play in values and values.get(spring, 0.0) > 0.0:
             slopes = {play: 1.0 / values[spring], spring: -values[play] / values[spring] ** 2}
@@ -250,7 +250,7 @@ def _deviation(fitted: Fitted) -> float:
 
 def _centre_deviation(fitted: Fitted) -> float:
     """Return the standard deviation of the torque-free deflection from sensor noise."""
-    values = {**fitted.structure.fixed, **fitted.by_name}
+    values = fitted.all_values
     free, stiffness = _torque_free(values), values["theta2"]
     offsets = [name.partition("[")[0] == "theta_offset" for name in fitted.names]
     gradient = np.array(offsets, dtype=np.float64) / max(sum(offsets), 1)

@@ -318,7 +318,7 @@ BEND = SoughtShape(
 
 def is_slack(fitted: Fitted, share: float = _SLACK) -> bool:
     """Whether a bent spring has hardly any stiffness below its bend, like a spring with play."""
-    values = {**fitted.structure.fixed, **fitted.by_name}
+    values = fitted.all_values
     springs = zip(map(values.get, SPRING), map(values.get, _BENDS), strict=True)
     known = [(below, more) for below, more in springs if below is not None and more is not None]
     return bool(known) and all(below <= share * (below + more) for below, more in known)
@@ -371,7 +371,7 @@ def _with_two_encoders(structure: Structure, data: Data) -> list[float]:
 
 def _is_small(fitted: Fitted) -> bool:
     """Whether two encoders differ in scale by little; more is a soft joint, or another motion."""
-    values = {**fitted.structure.fixed, **fitted.by_name}
+    values = fitted.all_values
     pairs = zip(SPRING, (*_SCALE.link, *_SCALE.motor), strict=True)
     return all(
         abs(values.get(error, 0.0)) <= LARGEST_SCALE_ERROR * abs(values.get(spring, np.inf))
