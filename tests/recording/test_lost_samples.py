@@ -69,6 +69,15 @@ def test_losses_hidden_by_noise_are_counted(seed: int):
     assert late[1] < 0.4 * late[0]
 
 
+def test_a_leap_of_half_a_step_more_is_no_hidden_loss():
+    """Assert that a place whose error a loss does not explain is not counted later either."""
+    kept, _ = dropping(motion(1e-5), np.arange(100, 2900, 140))
+    leap = [np.append(p[:1570], p[1570:] + 0.6 * (p[1570] - p[1569])) for p in kept]
+    found = lost_of(leap)
+    assert np.count_nonzero(found) > 15
+    assert not with_hidden_losses(leap, found)[1569]
+
+
 @pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-3])
 def test_nothing_is_found_where_nothing_is_lost(noise: float):
     """Assert that nothing is found in smooth motion, with stop and go, or with jumps."""

@@ -171,26 +171,24 @@ def by_curved_cable(fitted: Fitted, row: RowFit) -> FloatArray:
     which it shows as well as it does gravity.
     """
     names = [name.partition("[")[0] for name in fitted.names]  # without a recording's number
-    places = [place for place, name in enumerate(names) if name in LINK_STATICS]
-    if LINK_GRAVITY.isdisjoint(names):
+    own = [name for name in dict.fromkeys(names) if name in LINK_STATICS]
+    gravity = next((name for name in own if name in LINK_GRAVITY), None)
+    if gravity is None:
         return no_errors(fitted)
     system, samples = fitted.structure.joint.smoothed[1], fitted.data.samples
-    order = [system.coefficients.index(names[place]) for place in places]
-    terms = np.hstack([np.array(regressors(each, system))[order] for each in samples]).T
+    places = [system.coefficients.index(name) for name in own]
+    terms = np.hstack([np.array(regressors(each, system))[places] for each in samples]).T
     angle = np.concatenate([each.positions[:, 0] for each in samples])
     pulls = np.vander(angle - angle.mean(), 4)[:, :2]
     pulls *= CABLE * np.sqrt(np.mean(row.left_hand_side**2) / np.mean(pulls**2, axis=0))
     taken = np.linalg.lstsq(terms, pulls, rcond=None)[0]
     left = pulls - terms @ taken
-    one = next(n for n, place in enumerate(places) if names[place] in LINK_GRAVITY)
-    shown = fitted.minimum.reduced.information[places[one], places[one]] / np.sum(
-        terms[:, one] ** 2
-    )
+    place, size = names.index(gravity), np.sum(terms[:, own.index(gravity)] ** 2)
+    shown = fitted.minimum.reduced.information[place, place] / size
     shown /= max(fitted.excess, 1.0) * _scatter(fitted)
-    likely = np.linalg.cholesky(np.linalg.inv(np.eye(2) + shown * left.T @ left))
-    directions = np.zeros((len(names), 2))
-    directions[places] = taken @ likely
-    return directions
+    likely = taken @ np.linalg.cholesky(np.linalg.inv(np.eye(2) + shown * left.T @ left))
+    errors = dict(zip(own, likely, strict=True))
+    return np.array([errors.get(name, np.zeros(2)) for name in names])
 
 
 def by_eccentricity(fitted: Fitted) -> FloatArray:
