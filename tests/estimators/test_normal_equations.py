@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from flexid.errors import ConvergenceError
-from flexid.estimators.normal_equations import eigen, least_with, pseudo_inverse, solve_arrow
+from flexid.estimators.normal_equations import (
+    eigen,
+    least_with,
+    pseudo_inverse,
+    scaled_inverse,
+    solve_arrow,
+)
 from flexid.estimators.prediction_error import FLAT, ITERATIONS, Steps, minimise
 from flexid.estimators.segmented_motion import By, Point
 
@@ -97,6 +103,14 @@ def test_the_rest_follows_what_is_zero():
     units = np.sqrt(np.outer(np.diag(part), np.diag(part)))
     assert (found.inverse * units) @ (part / units) == pytest.approx(np.eye(3), abs=1e-10)
     assert not found.free.any()
+
+
+def test_an_unknown_without_effect_is_free():
+    """Assert a finite inverse, zero for an unknown that acts by less than numbers can square."""
+    matrix = np.diag([4.0, 1e-315])
+    inverse, free = scaled_inverse(matrix, np.sqrt(np.diag(matrix)))
+    assert inverse == pytest.approx(np.diag([0.25, 0.0]))
+    assert free.tolist() == [False, True]
 
 
 def test_nothing_moves_along_an_open_direction():

@@ -43,6 +43,8 @@ def scaled_pseudo_inverse(matrices: FloatArray, null: float) -> FloatArray:
 
 NULL = 1e-12  # eigenvalues up to this count as zero in a matrix with a unit diagonal
 
+_INVISIBLE = 1e-75  # scale of an unknown without effect: fourth powers of its inverse overflow
+
 _OPEN_COMPONENT = 1e-6  # component in an undetermined direction of an undetermined coefficient
 
 
@@ -51,7 +53,7 @@ def scaled_inverse(
     scale: FloatArray,  # (k,)
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Invert on determined directions, (k, k); return a mask of undetermined coefficients too."""
-    scale = np.where(scale > 0.0, scale, 1.0)
+    scale = np.where(scale > _INVISIBLE, scale, 1.0)
     scales = scale[:, None] * scale
     eigenvalues, vectors = eigen(matrix / scales)
     kept = eigenvalues > NULL
