@@ -14,6 +14,7 @@ from flexid.identification.judgement import (
     Judge,
     constant_estimates,
     judged_function,
+    judged_value,
     verdict,
 )
 from flexid.identification.preparation.joint import flexible
@@ -181,13 +182,18 @@ def test_slow_moves_know_the_whole_drive(width, known):
 
 
 def test_constants_of_shapes_are_judged_by_their_width():
-    """Assert value, interval, unit and verdict of a constant, fitted or fixed."""
+    """Assert value, interval, unit and verdict of a constant, fitted or fixed.
+
+    If all coefficients of its term are undetermined, so is the constant.
+    """
     constants = {
         "stribeck_velocity": (0.15, 0.01, 50.0),
         "bend_deflection": (0.3, 0.1, 50.0),
         "ripple_number": (7.0, np.inf, 0.0),  # fixed
     }
-    found = constant_estimates(flexible(), constants)
+    terms = {"alpha_stribeck": 0.1, "theta_bend": 0.1, "alpha_bend": 9.0, "alpha_ripple_sine": 0.1}
+    coefficients = {n: judged_value(n, "", 1.0, std, 50.0) for n, std in terms.items()}
+    found = constant_estimates(flexible(), constants, coefficients)
     slopes = [dict(each.slopes) for each in found.values()]
     assert slopes == [{"stribeck_velocity": 1.0}, {"bend_deflection": 1.0}, {}]
     assert found["ripple_number"].verdict == "undetermined"
@@ -197,6 +203,9 @@ def test_constants_of_shapes_are_judged_by_their_width():
     assert (velocity.unit, velocity.verdict) == ("rad/s", "determined")
     assert velocity.degrees_of_freedom == 50.0
     assert (bend.unit, bend.verdict) == ("rad", "weak")
+    coefficients["alpha_stribeck"] = judged_value("alpha_stribeck", "", 1.0, 9.0, 50.0)
+    unknown = constant_estimates(flexible(), constants, coefficients)["stribeck_velocity"]
+    assert (unknown.verdict, unknown.reason) == ("undetermined", "its term is undetermined")
 
 
 NAMES = ("theta1", "theta2", "alpha1", "alpha2", "beta1")

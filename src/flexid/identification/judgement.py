@@ -293,19 +293,29 @@ def _doubts(estimates: Mapping[str, ValueEstimate]) -> dict[str, str]:
     return doubts
 
 
+_OF_ITS_TERM = "its term is undetermined"
+
+
 def constant_estimates(
     joint: Joint,
     constants: Mapping[str, tuple[float, float, float]],
+    coefficients: Mapping[str, ValueEstimate],
     thresholds: Thresholds = THRESHOLDS,
 ) -> dict[str, ValueEstimate]:
-    """Return constants of shapes; each is given as value, std and degrees of freedom."""
-    estimates = {}
+    """Return constants of shapes; each is given as value, std and degrees of freedom.
+
+    A constant is as unknown as the coefficients of its term.
+    """
+    estimates, of_a_term = {}, joint.nonlinear
+    seen = [name for name, found in coefficients.items() if found.verdict != "undetermined"]
+    hidden = {*of_a_term.values()} - {of_a_term.get(_base(name)) for name in seen}
     for name, (value, std, freedom) in constants.items():
         unit = joint.unit_of(CONSTANT_UNITS[name], "")
         known = name, unit, value, std, freedom, np.inf, thresholds
         found = judged_value(*known)
         # A constant with infinite deviation was held fixed, not fitted.
-        estimates[name] = found if np.isfinite(std) else replace(found, slopes={})
+        found = found if np.isfinite(std) else replace(found, slopes={})
+        estimates[name] = found.unknown(_OF_ITS_TERM) if name in hidden else found
     return estimates
 
 
