@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -397,6 +398,30 @@ def test_only_a_far_motion_excludes_a_curved_cable(
     if least and "link_offset" in terms:  # the offset of each recording takes it up as the cosine
         offsets = errors[[name.startswith("theta_offset[") for name in seen.names]]
         assert offsets == pytest.approx(np.full(2, errors.max()), rel=0.05)
+
+
+def test_each_group_has_its_own_offset():
+    """Assert the terms of the link's angle at every second sample of two logs."""
+    log = data(*(pushed(seed, 30.0, gravity_torque=8.0) for seed in (3, 4)))
+    made_up: Any = SimpleNamespace(structure=structure("gravity"), data=log)
+    terms, angle = estimating._terms_of_angle(made_up, ["theta1", "theta_offset[2]"])
+    links = [each.positions[::2, 0] for each in log.samples]
+    assert np.array_equal(angle, np.concatenate(links))
+    assert np.abs(terms[:, 0]) == pytest.approx(np.abs(np.sin(angle)), abs=1e-12)
+    second = np.repeat([0.0, 1.0], [*map(len, links)])
+    assert np.abs(terms[:, 1]) == pytest.approx(second, abs=1e-12)
+
+
+def test_a_curved_cable_is_the_main_doubt_about_a_spring_to_the_base():
+    """Assert the cause of the widest intervals of gravity and such a spring over a short motion."""
+    log = data(pushed(3, 16.0, gravity_torque=8.0, size=0.25, motor_push=0.3))
+    found = among_disturbances(structure("motor_viscous", "gravity"), log)
+    wider = structure("motor_viscous", "gravity", "parallel_spring")
+    fit = found.best.band.fit(wider, found.fitted.by_name | {"theta_parallel": 0.0})
+    both = replace(found, best=fit, full=fit.fitted)
+    estimate, causes = disturbed_estimate(both, log, is_voltage=False)
+    assert causes["theta1"] == causes["theta_parallel"] == "a curved cable may look like it"
+    assert estimate.of("theta1")[1] > 2.0
 
 
 CHANGE = {"alpha1": 0.03, "theta2": -0.01}  # relative

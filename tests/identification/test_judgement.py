@@ -54,6 +54,7 @@ def test_what_else_counts():
     """Assert how the effect, a zero value, an asymmetric and an infinite interval count."""
     assert verdict_on(1.9, effect=1.0) == "determined"
     assert verdict_on(1e-12, 0.0) == "undetermined"
+    assert verdict_on(0.0, 0.0) == "determined"  # it was given
     assert verdict_on(1.0, 0.0, 0.039) == "determined"
     assert verdict(10.0, (9.0, 12.9))[0] == "determined"
     assert verdict(10.0, (9.0, 13.1))[0] == "weak"
@@ -184,16 +185,15 @@ def test_slow_moves_know_the_whole_drive(width, known):
 def test_constants_of_shapes_are_judged_by_their_width():
     """Assert value, interval, unit and verdict of a constant, fitted or fixed.
 
-    If all coefficients of its term are undetermined, so is the constant.
+    If all parameters of its term are undetermined or may be zero, the constant is undetermined.
     """
     constants = {
         "stribeck_velocity": (0.15, 0.01, 50.0),
         "bend_deflection": (0.3, 0.1, 50.0),
         "ripple_number": (7.0, np.inf, 0.0),  # fixed
     }
-    terms = {"alpha_stribeck": 0.1, "theta_bend": 0.1, "alpha_bend": 9.0, "alpha_ripple_sine": 0.1}
-    coefficients = {n: judged_value(n, "", 1.0, std, 50.0) for n, std in terms.items()}
-    found = constant_estimates(flexible(), constants, coefficients)
+    parameters = {"bend_stiffness": judged_value("alpha_bend", "", 1.0, 0.1, 50.0)}
+    found = constant_estimates(flexible(), constants, parameters)
     slopes = [dict(each.slopes) for each in found.values()]
     assert slopes == [{"stribeck_velocity": 1.0}, {"bend_deflection": 1.0}, {}]
     assert found["ripple_number"].verdict == "undetermined"
@@ -203,9 +203,12 @@ def test_constants_of_shapes_are_judged_by_their_width():
     assert (velocity.unit, velocity.verdict) == ("rad/s", "determined")
     assert velocity.degrees_of_freedom == 50.0
     assert (bend.unit, bend.verdict) == ("rad", "weak")
-    coefficients["alpha_stribeck"] = judged_value("alpha_stribeck", "", 1.0, 9.0, 50.0)
-    unknown = constant_estimates(flexible(), constants, coefficients)["stribeck_velocity"]
-    assert (unknown.verdict, unknown.reason) == ("undetermined", "its term is undetermined")
+    unsure = judged_value("alpha_bend", "", 1.0, 0.6, 50.0)
+    negligible = judged_value("alpha_bend", "", 1.0, 0.6, 50.0, 1e-6)
+    for of_term in (unsure, negligible):
+        unknown = constant_estimates(flexible(), constants, {"bend_stiffness": of_term})
+        assert unknown["bend_deflection"].verdict == "undetermined"
+        assert unknown["bend_deflection"].reason == "its term is undetermined"
 
 
 NAMES = ("theta1", "theta2", "alpha1", "alpha2", "beta1")

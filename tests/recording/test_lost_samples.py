@@ -200,6 +200,21 @@ def at_rest(found: Columns, part: slice, place: int, *names: str) -> Columns:
 COLUMNS = {"motor_position": "m", "link_position": "l", "motor_torque": "u", "gear_ratio": 50.0}
 
 
+def test_a_noisy_log_has_all_its_samples_again():
+    """Assert the number of samples, and the warning, if noise hides a third of the losses."""
+    found = without(joint_columns(6000, 0.005), "velocity")
+    kept = np.setdiff1d(np.arange(6000), np.random.default_rng(1).choice(5990, 60) + 5)
+    noise = np.random.default_rng(2).standard_normal((2, 6000))
+    for name, deviation in zip(ENCODERS, 3e-3 * noise, strict=True):
+        found[name] += deviation
+    logged = {name: values[kept] for name, values in found.items()}
+    log = read_columns(logged | {"time": found["time"][: len(kept)]})
+    assert len(kept) < 5950
+    assert abs(len(log.recordings[0]) - 6000) < 12
+    (warning,) = (text for text in log.warnings if "were lost" in text)
+    assert "more where noise hides them, and the time" in warning
+
+
 @pytest.mark.parametrize("is_counted", [False, True])
 @pytest.mark.parametrize("wrapped", ["l", "m", "lm"])
 def test_a_wrap_within_a_gap(wrapped: str, is_counted: bool):

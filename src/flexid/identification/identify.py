@@ -261,7 +261,7 @@ def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
     coefficients = {name: c.because(*_main_causes(c, found)) for name, c in coefficients.items()}
     parameters = {name: p.because(*_main_causes(p, found)) for name, p in parameters.items()}
     constants = sought_constants(joined.estimate, reported.structure)
-    parameters |= constant_estimates(job.joint, constants, coefficients, thresholds)
+    parameters |= constant_estimates(job.joint, constants, parameters, thresholds)
     if job.link_is_clamped:
         remaining = (*parameters.values(), *coefficients.values())
         joined = replace(joined, estimate=without_unused_link(joined.estimate, remaining))

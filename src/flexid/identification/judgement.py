@@ -42,6 +42,8 @@ def verdict(
 ) -> Judged:
     """Judge a number by its interval; the reason is empty if the number is determined."""
     half = 0.5 * (interval[1] - interval[0])
+    if half == 0.0:
+        return "determined", ""
     if not isfinite(half):
         return "undetermined", "the log has no information on it"
     relative = half / abs(value) if value else float("inf")
@@ -299,24 +301,34 @@ _OF_ITS_TERM = "its term is undetermined"
 def constant_estimates(
     joint: Joint,
     constants: Mapping[str, tuple[float, float, float]],
-    coefficients: Mapping[str, ValueEstimate],
+    parameters: Mapping[str, ValueEstimate],
     thresholds: Thresholds = THRESHOLDS,
 ) -> dict[str, ValueEstimate]:
     """Return constants of shapes; each is given as value, std and degrees of freedom.
 
-    A constant is as unknown as the coefficients of its term.
+    A constant is unknown if all parameters of its term are, or may be zero.
     """
-    estimates, of_a_term = {}, joint.nonlinear
-    seen = [name for name, found in coefficients.items() if found.verdict != "undetermined"]
-    hidden = {*of_a_term.values()} - {of_a_term.get(_base(name)) for name in seen}
+    estimates = {}
     for name, (value, std, freedom) in constants.items():
         unit = joint.unit_of(CONSTANT_UNITS[name], "")
         known = name, unit, value, std, freedom, np.inf, thresholds
         found = judged_value(*known)
         # A constant with infinite deviation was held fixed, not fitted.
         found = found if np.isfinite(std) else replace(found, slopes={})
-        estimates[name] = found.unknown(_OF_ITS_TERM) if name in hidden else found
+        of_term = [
+            parameter
+            for parameter in parameters.values()
+            if any(joint.nonlinear.get(_base(own)) == name for own in parameter.slopes)
+        ]
+        hidden = of_term and not any(map(_is_seen, of_term))
+        estimates[name] = found.unknown(_OF_ITS_TERM) if hidden else found
     return estimates
+
+
+def _is_seen(found: ValueEstimate) -> bool:
+    """Whether a value is known and not zero."""
+    low, high = found.interval
+    return found.verdict != "undetermined" and not low <= 0.0 <= high
 
 
 def without_unused_link(estimate: Estimate, values: Iterable[ValueEstimate]) -> Estimate:

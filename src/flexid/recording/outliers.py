@@ -65,6 +65,8 @@ def mend(logs: Sequence[Draft]) -> None:
         time = first.time
         lost = lost_samples(positions, time)
         _check_all_lost(logs, time, lost)
+        seen = np.count_nonzero(lost) >= FEWEST_PLACES
+        every = with_hidden_losses(positions, lost) if seen else np.zeros_like(lost)
     missing = lost_by_the_clock(time)
     if missing.any():
         places = np.flatnonzero(missing)
@@ -77,10 +79,10 @@ def mend(logs: Sequence[Draft]) -> None:
         )
         kept = logged_indices(missing)
         time = np.interp(np.arange(kept[-1] + 1), kept, time)
-    elif np.count_nonzero(lost) >= FEWEST_PLACES:
-        places, missing = np.flatnonzero(lost), with_hidden_losses(positions, lost)
+    elif every.any():
+        places, missing = np.flatnonzero(lost), every
         hidden = missing.sum() - lost.sum()
-        more = f", probably {hidden} more where noise or rest hides them," if hidden else ""
+        more = f", probably {hidden} more where noise hides them," if hidden else ""
         first.warn(
             [name for log, name in sensors if log is first],
             f"in {len(places)} places all positions advance by additional whole steps "

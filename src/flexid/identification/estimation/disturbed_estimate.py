@@ -5,6 +5,7 @@ the log. Differences beyond chance widen the intervals. Errors that are the same
 half, or that no log shows, are covered by doubts (`flexid.identification.estimation.doubts`).
 """
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -23,6 +24,7 @@ from flexid.identification.estimation.doubts import (
     ECCENTRICITY,
     GAUGE,
     HIDDEN,
+    LINK_CABLE,
     LINK_GRAVITY,
     LINK_STATICS,
     OF_A_BAND,
@@ -50,6 +52,7 @@ from flexid.identification.structure.gap import LIKELIER, with_free_width
 from flexid.identification.vocabulary.evidence import Estimate
 from flexid.models.flexible_joint import DAMPING, HARDENING, PLAY, SHAPE_TERMS, SPRING
 
+_SOME_SAMPLES = 20_000  # enough for the shapes of terms over the angle
 _BANDS = (0.5, 2.0)  # factors of the usual number of samples per period
 
 
@@ -71,7 +74,7 @@ def disturbed_estimate(
     errors = [(doubt(doubted), words) for doubt, words in DOUBTS.items()]
     errors += [
         (by_cable(fitted, squares.rows[0]), "a cable may act like gravity"),
-        (by_curved_cable(fitted, squares.rows[0]), "a cable may act like gravity"),
+        (by_curved_cable(fitted, squares.rows[0]), "a curved cable may look like it"),
         (by_eccentricity(fitted), "encoder errors once per turn may look like it"),
         (by_gauge(found), "nothing confirms the scale of the deflection's sensor"),
         (by_damping(found), "damping of the joint may look like a late link encoder"),
@@ -166,29 +169,51 @@ def by_cable(fitted: Fitted, row: RowFit) -> FloatArray:
 def by_curved_cable(fitted: Fitted, row: RowFit) -> FloatArray:
     """Return errors of terms of the link's angle by a cable whose torque is curved over the angle.
 
-    Its parts in the square and the cube of the angle have a prior size each. Over a short way such
-    terms take up all of them, and a cosine and an offset much larger ones. The log limits the rest,
-    which it shows as well as it does gravity.
+    Its parts in the square and the cube of the angle have a prior size each. Over a short motion
+    these terms take up the torque, and a cosine and an offset then have large errors that nearly
+    cancel. The log limits what they leave of it as precisely as it limits gravity.
     """
-    names = [name.partition("[")[0] for name in fitted.names]  # without a recording's number
-    own = [name for name in dict.fromkeys(names) if name in LINK_STATICS]
-    gravity = next((name for name in own if name in LINK_GRAVITY), None)
-    if gravity is None:
+    bases = [name.partition("[")[0] for name in fitted.names]  # without a group's number
+    own = [place for place, base in enumerate(bases) if base in LINK_STATICS]
+    one = next((place for place in own if bases[place] in LINK_GRAVITY | LINK_CABLE), None)
+    if one is None:
         return no_errors(fitted)
-    system, samples = fitted.structure.joint.smoothed[1], fitted.data.samples
-    places = [system.coefficients.index(name) for name in own]
-    terms = np.hstack([np.array(regressors(each, system))[places] for each in samples]).T
-    angle = np.concatenate([each.positions[:, 0] for each in samples])
+    terms, angle = _terms_of_angle(fitted, [fitted.names[place] for place in own])
     pulls = np.vander(angle - angle.mean(), 4)[:, :2]
-    pulls *= CABLE * np.sqrt(np.mean(row.left_hand_side**2) / np.mean(pulls**2, axis=0))
+    squares = np.mean(pulls**2, axis=0)
+    if not squares.all():
+        return no_errors(fitted)
+    pulls *= CABLE * np.sqrt(np.mean(row.left_hand_side**2) / squares)
     taken = np.linalg.lstsq(terms, pulls, rcond=None)[0]
     left = pulls - terms @ taken
-    place, size = names.index(gravity), np.sum(terms[:, own.index(gravity)] ** 2)
-    shown = fitted.minimum.reduced.information[place, place] / size
+    shown = fitted.minimum.reduced.information[one, one] / np.sum(terms[:, own.index(one)] ** 2)
     shown /= max(fitted.excess, 1.0) * _scatter(fitted)
-    likely = taken @ np.linalg.cholesky(np.linalg.inv(np.eye(2) + shown * left.T @ left))
-    errors = dict(zip(own, likely, strict=True))
-    return np.array([errors.get(name, np.zeros(2)) for name in names])
+    directions = np.zeros((len(bases), 2))
+    directions[own] = taken @ np.linalg.cholesky(np.linalg.inv(np.eye(2) + shown * left.T @ left))
+    return directions
+
+
+def _terms_of_angle(fitted: Fitted, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """Return terms of the link's angle at some samples, shape (n, k), and the angle, (n,).
+
+    A term that differs between groups of recordings is zero in those of the others.
+    """
+    system, terms, angles = fitted.structure.joint.smoothed[1], [], []
+    every = 1 + sum(map(len, fitted.data.samples)) // _SOME_SAMPLES
+    for samples, group in zip(fitted.data.samples, fitted.data.groups, strict=True):
+        speeds = samples.velocities
+        some = replace(
+            samples,
+            positions=samples.positions[::every],
+            velocities=None if speeds is None else speeds[::every],
+            inputs=samples.inputs[::every],
+        )
+        signals = dict(zip(system.coefficients, regressors(some, system), strict=True))
+        signals |= {f"{name}[{group + 1}]": signal for name, signal in signals.items()}
+        none = np.zeros(len(some))
+        terms.append(np.column_stack([signals.get(name, none) for name in names]))
+        angles.append(some.positions[:, 0])
+    return np.concatenate(terms), np.concatenate(angles)
 
 
 def by_eccentricity(fitted: Fitted) -> FloatArray:

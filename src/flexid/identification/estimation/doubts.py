@@ -44,10 +44,8 @@ LIKE_THE_ACCELERATION = 1.0
 LINK_GRAVITY = frozenset(
     c for term in ("gravity", "gravity_cosine") for c in declared.TERMS[term].link
 )
-LINK_STATICS = LINK_GRAVITY | {
-    *declared.TERMS["link_offset"].link,
-    *declared.SHAPE_TERMS["parallel_spring"].link,
-}
+LINK_CABLE = frozenset(declared.SHAPE_TERMS["parallel_spring"].link)
+LINK_STATICS = LINK_GRAVITY | LINK_CABLE | {*declared.TERMS["link_offset"].link}
 _PARALLEL = frozenset(declared.SHAPE_TERMS["parallel_spring"].coefficients)
 _SCALE = declared.SHAPE_TERMS["scale_error"]
 _MOTOR_SPRINGS = frozenset(motor for motor, *_ in declared.TIES.values()) | {declared.SPRING[1]}
