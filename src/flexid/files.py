@@ -86,6 +86,9 @@ def _opening_failure(error: OSError | ValueError, remedy: str) -> str:
 
 def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     """Write a file under a temporary name, and rename it once it is on the disk."""
+    path = Path(os.path.realpath(path))  # a link stays
+    if path.exists() and not (path.is_file() or path.is_dir()):  # root would replace /dev/null
+        raise OSError(errno.EINVAL, "not a regular file")
     temporary = path.with_name(f".{path.name}.tmp")
     try:
         write(temporary)

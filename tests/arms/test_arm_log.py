@@ -95,6 +95,10 @@ RESTING = {
     "a dead encoder": {"motor_position_2": 0.0},
     "all at rest": BRAKED | {"motor_position_1": 0.0, "link_position_1": 0.01},
 }
+TWICE = {  # a column, and the name of another one with twice the values
+    "two torques": ("tau_1", "torque_1"),
+    "a constant torque": ("motor_torque_2", ""),
+}
 ARMS = {
     "no lengths": "[arm]\n",
     "no length": "[arm]\nlengths = []\n",
@@ -136,6 +140,32 @@ def without_common_samples(path: Path) -> Path:
     return written(path.name, "\n".join([header, *rows]) + "\n")
 
 
+def twice(path: Path, own: str, other: str) -> Path:
+    """Return the log with its torque by another name, and with a copy of twice that before it.
+
+    Without a name of the copy, the torque is constant.
+    """
+    header, *rows = log_of(path).read_text().splitlines()
+    place = 3 if own.endswith("1") else 6
+    names = header.split(",")
+    names[place] = f"{own} [N m]"
+    cells = [row.split(",") for row in rows]
+    if not other:
+        fixed = [[*row[:place], "1.0", *row[place + 1 :]] for row in cells]
+        return written(path.name, "\n".join(map(",".join, [names, *fixed])) + "\n")
+    copied = [[row[0], str(2.0 * float(row[place])), *row[1:]] for row in cells]
+    names.insert(1, f"{other} [N m]")
+    return written(path.name, "\n".join(map(",".join, [names, *copied])) + "\n")
+
+
+def test_the_name_of_a_channel_comes_before_others(tmp_path: Path, monkeypatch: Any):
+    """Assert that a column with a channel's own name is read, though another one precedes it."""
+    monkeypatch.chdir(tmp_path)
+    plain = read_arm_log(log_of(Path("run.csv")), TWO).recordings[0]
+    (recording,) = read_arm_log(twice(Path("run.csv"), "motor_torque_1", "tau_1"), TWO).recordings
+    np.testing.assert_array_equal(recording.inputs, plain.inputs)
+
+
 def read_sliding(path: Path, letters: str, keys: str) -> object:
     """Read the log of turning joints with other types of joints."""
     types: list[JointType] = [TYPES[letter] for letter in letters]
@@ -160,6 +190,8 @@ def test_what_cannot_be_used(tmp_path: Path, refusals: Any, monkeypatch: pytest.
         calls[name] = partial(read_sliding, log, letters, text)
     for name, scales in RESTING.items():
         calls[name] = lambda one=scales: read_arm_log(log_of(log), TWO, scaled(one))
+    for name, (own, other) in TWICE.items():
+        calls[name] = lambda own=own, other=other: read_arm_log(twice(log, own, other), TWO)
     calls["no common samples"] = lambda: read_arm_log(without_common_samples(log_of(log)), TWO)
     for name, text in ARMS.items():
         calls[f"an arm: {name}"] = lambda text=text: read_arm(written("arm.toml", text))

@@ -66,6 +66,15 @@ REFUSED: dict[str, Callable[[], object]] = {
         f"gains {gains}": partial(parametric_observer, JOINT, gains, **PACE)
         for gains in ({"link": 1.0}, {"link": 1.0, "motor": -1.0})
     },
+    **{
+        f"{what} of a wrong size": partial(getattr(recursive(**PACE), method), *values)
+        for what, method, values in (
+            ("a state", "step", (np.zeros(3), np.zeros(3))),
+            ("a sample", "step", (recursive(**PACE).init(), np.zeros(2))),
+            ("samples", "replay", (recursive(**PACE).init(), np.zeros((5, 9)))),
+            ("a state to read", "coefficients", (np.zeros(3),)),
+        )
+    },
     "no velocities": partial(packed, POSITIONS),
     **{f"segments of {d} s": partial(divide, [POSITIONS], d) for d in (0, -1.0, np.inf)},
     "few samples": partial(divide, [FEW], 1.0),

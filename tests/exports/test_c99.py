@@ -257,6 +257,7 @@ REFUSED = {
     "no sample time": {},
     "no number": {"sample_time": nan},
     "too short": {"sample_time": 1e-9},
+    "negative": {"sample_time": -1e-3},
     "too long": {"sample_time": 2.0},
     **{
         f"a filter of {rate}": {"sample_time": 1e-3, "filter_rate": rate}

@@ -63,6 +63,15 @@ def test_all_coefficients_change_alike():
     assert slopes @ after.covariance @ slopes == pytest.approx(slopes @ before.covariance @ slopes)
 
 
+def test_encoders_of_different_scales_leave_the_same_doubt():
+    """Assert the doubt of a motor's encoder that reads half, of which the input shows less."""
+    half = made(1, 6.0, joint_stiffness=70.0, motor_scale=0.5)
+    assert excess_of_link([half]) < 0.6
+    before = Estimate(("beta1",), np.array([0.8]), 1e-8 * np.eye(1), (50.0,))
+    share = with_bending(before, [half]).deviations[0] / 0.8
+    assert share == pytest.approx(0.5 / np.sqrt(3.0), rel=1e-3)
+
+
 @pytest.mark.parametrize("more", [0.0, 0.2, -0.2])
 def test_the_inertia_may_grow_with_the_frequency(more: float):
     """Assert that the change leads from least squares to an inertia J that grows to 1.2 J."""

@@ -147,6 +147,11 @@ def test_a_delay_that_is_none_is_as_doubtful_as_the_rest(fits_seen: list[FinalFi
     place = fits.full.names.index("link_delay")
     bare = interval(0.0, fits.full.fit.deviations[place], 20.0)
     assert delay.interval[1] - delay.interval[0] > 1.5 * (bare[1] - bare[0])
+    # A fit that diverges may ask for any delay, even a longer one than the log.
+    reported = fits.reported
+    about = {"structure": reported.structure, "data": reported.data, "at_bound": {}}
+    far = SimpleNamespace(**about, delays={"input_delay": 1e9})
+    assert replace(fits, reported=cast(Any, far)).squares.names == fits.squares.names
 
 
 def test_what_is_known_shifts_and_bounds(clean, alone):

@@ -1,6 +1,7 @@
 """Results of functions, as of `identify`: values, text, frames, figures, files; a watch."""
 
 import json
+import os
 import re
 from dataclasses import replace
 from functools import partial
@@ -114,6 +115,20 @@ def loaded(estimate, tmp_path_factory):
     path = tmp_path_factory.mktemp("estimate") / "estimate.json"
     estimate.save(path)
     return library.load(path)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes and links by path")
+def test_saving_replaces_no_device_and_no_link(estimate, tmp_path):
+    """Assert that what is no regular file stays, and that a link's target is written."""
+    pipe, link, target = (tmp_path / name for name in ("pipe", "link.json", "target.json"))
+    os.mkfifo(pipe)
+    link.symlink_to(target)
+    with pytest.raises(SettingError, match="not a regular file"):
+        estimate.save(pipe)
+    assert pipe.is_fifo()
+    estimate.save(link)
+    assert link.is_symlink()
+    assert library.load(target).summary() == estimate.summary()
 
 
 def test_covariance_of_all_values(estimate):

@@ -88,7 +88,7 @@ CASES: dict[str, Columns] = {
     "a switched input": changed(motor_torque=np.sign),
     "an input of few whole numbers": changed(motor_torque=lambda u: 100.0 * np.sign(u)),
     "few absurd values of a torque": changed(motor_torque=lambda u: u + 1e6 * (COUNTS % 40 == 7)),
-    "a link at its resonance": changed("velocity", link_position=3.0),
+    "three times as much": changed("velocity", link_position=3.0),
     "a coarse encoder": changed(link_position=coarse(0.02), motor_position=coarse(0.02)),
     "an encoder of two counts": {**NO_JUMPS, "motor_torque": 3.0 * np.cos(SLOW)},
     "an encoder of two counts in small motion": {

@@ -124,6 +124,7 @@ CASES: dict[str, Columns] = {
     "0.2 %": with_changes(link=times(1.002)),
     "a motor that moves 2 % more": with_changes(motor=times(1.02)),
     "2 % less": with_changes(motor=times(1.0 / 1.02)),
+    "half as much": with_changes(motor=times(0.5)),
     "2 % of a small motion": SMALL_MOTION,  # its angle is too close to its sine
     # Proportional to angle and velocity, this is not gravity in degrees.
     "a controller": with_changes(torque=lambda _: CONTROLLED),
@@ -224,6 +225,17 @@ def test_what_only_looks_like_a_fault_is_not_named():
     assert read_columns({**columns, "motor_torque": load}).warnings == ()
     step = made(1, 4.0, noise=0.0, held=True, torque=lambda at: np.where(at > 0.2, 5.0, 0.0))
     assert [*late_input(step)] == []
+
+
+def test_a_link_that_rests_has_no_other_scale():
+    """Assert no other scale for a link that hardly moves, behind a spring of 0.7 rad/s."""
+    time, tones, noise = 0.002 * np.arange(20000), np.array([8.0, 13.6]), 3e-4
+    waves = np.sin(np.outer(time, tones)) * [0.6, 0.3]
+    motor, link = waves.sum(axis=1), -waves @ (0.5 / (tones**2 - 0.5))
+    seen = noise * np.random.default_rng(1).standard_normal((2, len(time)))
+    columns = {"time": time, "link_position": link + seen[0], "motor_position": motor + seen[1]}
+    (recording,) = read_columns({**columns, "motor_torque": -waves @ tones**2}).recordings
+    assert scales_apart(recording) == (0.0, 0.0)
 
 
 def test_damping_of_the_spring_is_no_scale():

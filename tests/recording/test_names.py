@@ -30,6 +30,7 @@ NAMES = (
     *("u_V", "voltage", "v_m (V)", "V [mV]", "Vm (V)", "u_PWM [V]"),
     *("torsion angle [deg]", "Verdrehwinkel / °", "joint_deflection", "扭转角度"),
     *("position", "angle", "q", "ActualPosition", "Weg [mm]", "displacement_um", "joint [deg]"),
+    *("motor_pos_feedback", "load_position_fbk", "torque_feedback"),
     *("WheelAngle_deg", "Linear Scale [mm]", "AXIS_ENC (arcsec)", "capstan_angle_deg"),
     *("velocity", "speed_rpm", "v [m/s]", "speed_mm/s", "WhlSpd [rpm]"),
     *("force", "Kraft [kN]", "motor_force"),
@@ -162,13 +163,13 @@ UNITS = (
     *("µrad",),
     *("mrad/s", "deg/s", "turns/s", "rpm", "U/min", "1/min", "rad s^-1", "rad/sec"),
     *("Nm", "N·m", "N\u22c5m", "N.m", "Newton metre", "uNm", "mNm", "Nmm", "Ncm", "kN m"),
-    *("kgf m", "kgf cm", "lbf ft", "lbf in", "ozf in"),
+    *("kgf m", "kgf cm", "lbf ft", "lbf in", "ozf in", "kg*cm", "lbf·ft", "N * mm"),
     *("m", "cm", "mm", "millimetres", "1e-3 m", "um", "µm", "micron", "inch"),
     *("m/s", "m s^-1", "cm/s", "mm/s", "um/s", "m/min", "mm/min"),
     *("N", "mN", "kN", "kgf", "lbf"),
     *("V", "mV"),
     *("A", "mA"),
-    *("ns", "us", "µs", "ms", "Sec"),
+    *("ns", "us", "µs", "ms", "Sec", "sek."),
 )
 REFUSED = (  # other dimensions, some alike by accident, and texts that are no unit
     *("Hz", "1/s", "Ms", "as", "MS", "N m/rad", "m", "rad^2", "", "percent", "‰", "Grad", "counts"),

@@ -54,6 +54,9 @@ def test_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text.encode())))
     (recording,) = read_log(Path("-")).recordings
     np.testing.assert_array_equal(recording.input, columns["motor_torque"])
+    monkeypatch.setattr(sys, "stdin", None)
+    with pytest.raises(RecordingError, match="standard input: it is closed"):
+        read_log(Path("-"))
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"")))
     with pytest.raises(RecordingError, match="standard input: the file is empty"):
         read_log(Path("-"))

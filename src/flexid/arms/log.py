@@ -21,6 +21,7 @@ from flexid.recording.read import logs_of_joints, table_of_file
 from flexid.recording.recipes import ARGUMENT, map_in_file
 from flexid.recording.recording import INPUTS, SI_UNITS, Log
 from flexid.recording.series import names_of
+from flexid.recording.sides import several
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
 
@@ -165,6 +166,10 @@ def _columns_of(
         if any(channel in found for channel in choices):
             continue
         channel = next((channel for channel in choices if channel in named), "")
+        columns = named.get(channel, {})
+        if len(columns) > 1 and channel != "time":
+            reason = several(f"{channel}_{joint}", [*columns], is_guess=False)
+            raise RecordingError(file, table.header, reason)
         if not channel:
             wanted = " or ".join(c if c in _SHARED else f"{c}_{joint}" for c in choices)
             raise RecordingError(
@@ -173,27 +178,33 @@ def _columns_of(
                 f"there is no column {wanted} for joint {joint} of {joints}; the columns are "
                 f"{table.listing}: rename the column, or name it in a column map (--columns)",
             )
-        found[channel] = named[channel]
+        found[channel] = next(iter(columns.values()))
     return found
 
 
-def _named(table: Table, joint: int, types: Sequence[JointType]) -> dict[str, Any]:
-    """Return the columns of a joint by channel, recognised by their usual names.
+def _named(table: Table, joint: int, types: Sequence[JointType]) -> dict[str, dict[str, Any]]:
+    """Return the columns of a joint by channel and header, recognised by their usual names.
 
     Names need no number if the arm has one joint. If there is a motor position, a column named
-    only "position" is the link's. A force is the motor's if the joint slides. Measured columns take
-    precedence over filtered ones, and these over commanded ones.
+    only "position" is the link's. A force is the motor's if the joint slides. A column with the
+    name of a channel takes precedence, then measured over filtered, and these over commanded ones.
     """
     numbers = {str(joint), *([""] if len(types) == 1 else [])}
-    found: dict[str, Any] = {}
-    known = ((header, named_channel(table.short_name(header))) for header in table.names)
-    named = [(header, usual) for header, usual in known if usual is not None]
-    for header, usual in sorted(named, key=lambda each: each[1].precedence):
-        if usual.channel != "time" and usual.joint.lstrip("0") not in numbers:
+    found: dict[str, dict[str, Any]] = {}
+    ranks: dict[str, tuple[bool, int]] = {}
+    for header in table.names:
+        name = table.short_name(header)
+        usual = named_channel(name)
+        if usual is None or (usual.channel != "time" and usual.joint.lstrip("0") not in numbers):
             continue
         stated = split_header(header)[1] is not None or usual.unit is None
         column = header if stated else {"column": header, "unit": usual.unit}
-        found.setdefault(usual.channel, column)
+        is_own = folded(split_header(name)[0]) in (usual.channel, f"{usual.channel}_{joint}")
+        rank = (not is_own, usual.precedence)
+        if rank < ranks.setdefault(usual.channel, rank):
+            ranks[usual.channel], found[usual.channel] = rank, {}
+        if rank == ranks[usual.channel]:
+            found.setdefault(usual.channel, {})[header] = column
     if "position" in found and "motor_position" in found:
         found.setdefault("link_position", found["position"])
     if "force" in found and types[joint - 1] == "prismatic" and not {*INPUTS} & found.keys():

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 from types import ModuleType
 from typing import Any, ClassVar
 
@@ -95,6 +96,8 @@ class OnlineEstimator:
         sample : array
             One row of the array from `pack`.
         """
+        state = _of_shape("state", state, self._first_state.shape)
+        sample = _of_shape("sample", sample, (self._sample_size,))
         return self._kernel.step(state, sample, self._settings, *self._layout)
 
     def replay(self, state: FloatArray, samples: FloatArray) -> History:
@@ -107,7 +110,8 @@ class OnlineEstimator:
         samples : array, shape (n, sample size)
             Array from `pack`.
         """
-        samples = np.ascontiguousarray(samples, dtype=np.float64)
+        state = _of_shape("state", state, self._first_state.shape)
+        samples = _of_shape("samples", samples, (len(samples), self._sample_size))
         coefficients = np.empty((len(samples), len(self.system.coefficients)))
         infos = np.empty((len(samples), len(self.system.rows) + 1))
         made = coefficients, infos
@@ -122,7 +126,12 @@ class OnlineEstimator:
         state : array
             From `init`, `step` or a replay.
         """
-        return state[self._coefficients].copy()
+        return _of_shape("state", state, self._first_state.shape)[self._coefficients].copy()
+
+    @cached_property
+    def _sample_size(self) -> int:
+        sides = 2 if self.needs_velocities else 1
+        return sides * len(self.system.rows) + len(self.system.inputs)
 
     @property
     def _coefficients(self) -> slice:
@@ -140,6 +149,16 @@ class OnlineEstimator:
         if self.needs_velocities:
             return packed(samples)
         return np.ascontiguousarray(np.concatenate((samples.positions, samples.inputs), axis=1))
+
+
+def _of_shape(name: str, values: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    """Return an array of this shape, beyond whose ends compiled code would read and write."""
+    values = np.ascontiguousarray(values, dtype=np.float64)
+    if values.shape != shape:
+        raise SettingError(
+            name, f"has the shape {values.shape}, not {shape}: give what init or pack returns"
+        )
+    return values
 
 
 def packed(samples: Samples) -> FloatArray:

@@ -210,11 +210,11 @@ def _estimator_settings(
     """Return the settings of the estimator: as given, else as identified."""
     from flexid.exports.request import EstimatorSettings
 
-    of_log = sample_time if samples is None else samples.sample_time
+    of_log = None if samples is None else samples.sample_time
     h = of_log if sample_time is None else sample_time
-    if h is None or of_log is None:
+    if h is None:
         raise SettingError("sample_time", "is missing: give the seconds between samples, or a log")
-    if abs(h - of_log) > 1e-6 * of_log:
+    if of_log is not None and abs(h - of_log) > 1e-6 * of_log:
         raise SettingError(
             "sample_time", f"is {h:g} s and the log's is {of_log:g} s: leave one out"
         )

@@ -48,8 +48,11 @@ def check_magnitude(log: Draft) -> None:
 
 
 def drop_dead_inputs(log: Draft) -> None:
-    """Remove a constant input where two positions were logged: the link alone can be identified."""
-    if len(log.those_of(POSITIONS)) < 2:
+    """Remove a constant input where two positions were logged: the link alone can be identified.
+
+    Not of a joint of an arm, which has no model of its links alone.
+    """
+    if len(log.those_of(POSITIONS)) < 2 or log.number:
         return
     for name in log.those_of(INPUTS):
         if _is_constant(log[name], log[name]):

@@ -53,8 +53,8 @@ def rank_of(text: str) -> Rank:
 
 
 def ranked(texts: Iterable[str]) -> tuple[str, ...]:
-    """Return warnings in the order of their ranks; equal ranks keep their order."""
-    return tuple(sorted(texts, key=rank_of))
+    """Return each warning once, in the order of the ranks; equal ranks keep their order."""
+    return tuple(sorted(dict.fromkeys(texts), key=rank_of))
 
 
 LARGEST_FILE = 500_000_000  # bytes, of a file read at once; it takes about four times the memory

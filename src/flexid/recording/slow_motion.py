@@ -52,9 +52,10 @@ _LATEST_OF_FIT = 0.03  # s, the largest delay that is estimated with the paramet
 _FEWEST_REACHES = 8  # least length of a log over the largest delay that is tried
 _FITS_LATER = 0.25  # residual squares with a delay over those without: 0.5 or more in correct logs
 _ON_TIME = 0.01  # residual squares over the input's: 1e-5 in logs of steps, 0.09 if 50 ms late
-_SMALLEST, LARGEST_SCALE_ERROR = 0.003, 0.1
-"""Scale errors that are reported. Smaller ones hardly change an estimate. Larger ones indicate a
-soft joint, or an external motion, instead of a wrong scale."""
+_SMALLEST = 0.003  # scale error: a smaller one hardly changes an estimate
+_LEAST = -0.1
+"""Scale error that may be none: a link that rests behind a soft spring has -1, and one that
+something else moves faster than the motor, by the square of the rates, up to 0."""
 
 
 def check_motion(log: Draft, recording: Recording, *, alone: bool) -> None:
@@ -80,7 +81,7 @@ def check_motion(log: Draft, recording: Recording, *, alone: bool) -> None:
         log.warn(
             place,
             f"the link moves {1.0 + share:.4f} ± {2.0 * error:.1g} times as far as the motor, "
-            f"more than gravity and inertia explain: check the scales of both encoders "
+            f"which gravity and inertia do not explain: check the scales of both encoders "
             f"and the gear ratio (motor position times {1.0 + share:.4f}, or {ratio} by it, would "
             f"agree)",
             Rank.SCALE,
@@ -208,7 +209,7 @@ def _clear_share(
     share, error = own_share(deflection, moved, mechanics)
     left = left_over(deflection, mechanics)
     scaled = left_over(deflection, [moved, *mechanics])
-    named = _SMALLEST < abs(share) < LARGEST_SCALE_ERROR and abs(share) > _CERTAIN * error
+    named = abs(share) > max(_SMALLEST, _CERTAIN * error) and share > _LEAST
     return (share, error) if named and scaled < _EXPLAINED * left else None
 
 

@@ -31,6 +31,7 @@ EXAMPLE = "2024-05-01T10:00:00.123"  # a time stamp, for messages
 DECIMAL_COMMA = r"^[+-]?\d*,\d+(?:[eEdD][+-]?\d+)?$"
 DECIMAL_POINT = r"^[+-]?\d*\.\d+(?:[eEdD][+-]?\d+)?$"
 THOUSANDS = r"^[+-]?[1-9]\d{0,2},\d{3}$"
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}([.,'\s]\d{3})+([.,]\d*)?")
 _FORTRAN = r"^([^a-zA-Z]*\d)[dD]([+-]?\d+)$"  # 1.5D-03
 _SECONDS = r"^(\S+) sec$"  # as MATLAB writes a duration
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
@@ -189,6 +190,8 @@ def _bad_cell(cell: object) -> str:
             f"{shown!r} has a comma, which may be a decimal comma or one between "
             f"thousands: export with decimal points"
         )
+    if _GROUPED.fullmatch(text):
+        return f"{shown!r} has separators between thousands: export numbers without them"
     with suppress(ValueError):
         if not np.isfinite(float(text)):
             return f"{shown} is not a finite number: remove the row"

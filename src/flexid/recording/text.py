@@ -46,6 +46,8 @@ def read_table(path: Path) -> Table:
         raise refuse("this bag is compressed as a whole: unpack its files with zstd -d --rm")
     remedy = "identify it as Parquet with --stream, or cut the log into shorter files"
     if path == _STANDARD_INPUT:
+        if sys.stdin is None:  # closed by the shell
+            raise refuse("it is closed: give the path of a log")
         raw = sys.stdin.buffer.read(LARGEST_FILE + 1)
         if len(raw) > LARGEST_FILE:
             raise refuse(f"it is longer than {LARGEST_FILE / 1e6:g} MB: {remedy}")

@@ -65,8 +65,9 @@ def _is_share(unit: str) -> bool:
 
 
 def _spelled(text: str) -> str | None:
-    """Unit that a text spells; None if it spells none."""
-    unit = _BY_SPELLING.get(text.lower())
+    """Unit that a text spells, with any sign between its parts; None if it spells none."""
+    parts = re.sub(f"[·*{DOTS}]", " ", text.lower().rstrip(".")).split()
+    unit = _BY_SPELLING.get(" ".join(parts))
     return None if unit in _MILLI and not text.startswith("m") else unit
 
 
@@ -128,7 +129,7 @@ def _in_si(text: str) -> tuple[float, str]:
     if multiple is not None:
         factor, si_unit = _in_si(multiple[2])
         return float(multiple[1]) * factor, si_unit
-    known = _spelled(re.sub(f"[{DOTS}]", "·", text).replace("º", "°").strip())
+    known = _spelled(text.replace("º", "°"))
     return _KNOWN[known][:2] if known else (0.0, "")
 
 

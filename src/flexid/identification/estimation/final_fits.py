@@ -93,8 +93,10 @@ class FinalFits:
     def _aligned_data(self) -> Data:
         """All data with the channels' delays corrected."""
         structure, delays = self.reported.structure, self.reported.delays
+        most = self.reported.data.largest_delay  # a diverging fit may ask for more
         of_input, of_link = (
-            Delay(delays.get(name, 0.0), 0.0, (0.0, 0.0), "given") for name in (INPUT, LINK)
+            Delay(float(np.clip(delays.get(name, 0.0), -most, most)), 0.0, (0.0, 0.0), "given")
+            for name in (INPUT, LINK)
         )
         alignment = Alignment(structure.timing.hold, of_input, of_link, "")
         whole = self.recordings.whole

@@ -22,6 +22,7 @@ from flexid.estimators.channel_timing import INPUT
 from flexid.identification.vocabulary.evidence import Estimate
 from flexid.models.flexible_joint import RIGID_UNITS
 from flexid.recording.recording import Caution, Rank, Recording
+from flexid.recording.slow_motion import scales_apart
 from flexid.recording.velocities import with_velocities
 
 _BAND = 0.99  # share of the power in the band; above it are noise and steps of encoders
@@ -47,12 +48,14 @@ _REGRESSORS: Mapping[str, Callable[[FloatArray, FloatArray], FloatArray]] = {
 _Spectrum = NDArray[np.complex128]
 
 
-def with_bending(estimate: Estimate, recordings: Iterable[Recording]) -> Estimate:
+def with_bending(estimate: Estimate, recordings: Sequence[Recording]) -> Estimate:
     """Return a rigid joint's estimate with the doubt about its inertia, from two encoders.
 
-    All coefficients are divided by the inertia, so they change alike.
+    All coefficients are divided by the inertia, so they change alike. Encoders whose scales differ
+    leave the same doubt.
     """
-    moved = _SPREAD * excess_of_link(recordings) * _base(estimate)
+    apart = max(abs(scales_apart(recording)[0]) for recording in recordings)
+    moved = _SPREAD * max(excess_of_link(recordings), apart) * _base(estimate)
     return estimate.widened(np.outer(moved, moved))
 
 

@@ -36,7 +36,6 @@ from flexid.models.flexible_joint import (
     STRIBECK_EXPONENT,
     STRIBECK_VELOCITY,
 )
-from flexid.recording.slow_motion import LARGEST_SCALE_ERROR
 
 _LINK, _MOTOR = 0, 1  # indices of rows and positions
 _BY_LINK = frozenset({"link"})  # what disturbs the motor may look like the term in its balance
@@ -62,6 +61,7 @@ _GRIPS, _NEXT_GRIP = (0.25, 0.5, 1.0, 2.0, 4.0), 0.2
 _DEFLECTIONS, _NEXT_DEFLECTION = (0.0, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0), 0.4
 _LEAST_DEFLECTION = 0.2  # least bend, likewise: a smaller one looks like friction
 _SCALE = SHAPE_TERMS["scale_error"]
+_LARGEST_SCALE_ERROR = 0.1  # share of the motor's angle in the deflection
 _BENDS = (*SHAPE_TERMS["bent_spring"].link, *SHAPE_TERMS["bent_spring"].motor)
 # Stiffness below the bend over that beyond it, up to which the bend looks like play; among
 # disturbances play of 1 to 3 mrad had up to 0.05.
@@ -374,7 +374,7 @@ def _is_small(fitted: Fitted) -> bool:
     values = fitted.all_values
     pairs = zip(SPRING, (*_SCALE.link, *_SCALE.motor), strict=True)
     return all(
-        abs(values.get(error, 0.0)) <= LARGEST_SCALE_ERROR * abs(values.get(spring, np.inf))
+        abs(values.get(error, 0.0)) <= _LARGEST_SCALE_ERROR * abs(values.get(spring, np.inf))
         for spring, error in pairs
     )
 
