@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from benchmarks.arms.log import Motion, random_motion, save, simulate
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+import flexid.arms.identify as identify_module
 from flexid.arms.identify import (
     doubt_of_negative,
     identify_arm,
@@ -239,6 +241,43 @@ def test_an_input_that_turns_its_joint_backwards(
     said = f"{' and '.join(names)}: a positive value turns its joint backwards: scale it by -1"
     with pytest.raises(FlexidError, match=said):
         identify_arm(log, MADE.known, columns)
+
+
+def read_otherwise(log: ArmLog, kind: str) -> ArmLog:
+    """Return a log with its angles counted otherwise."""
+    (recording,) = log.recordings
+    positions, inputs = recording.positions.copy(), recording.inputs.copy()
+    if kind == "reversed":
+        positions[:, 2:], inputs[:, 1] = -positions[:, 2:], -inputs[:, 1]
+    elif kind == "from the base":
+        positions[:, 2:] += positions[:, :1]
+    return replace(log, recordings=(replace(recording, positions=positions, inputs=inputs),))
+
+
+@pytest.mark.parametrize(
+    ("kind", "gravity", "said"),
+    [
+        ("reversed", (9.81, 0.0), "if joint 2 counts the other way"),
+        ("from the base", (9.81, 0.0), "if angles are measured from one direction"),
+        ("", (0.0, 9.81), r"if gravity is \[9.81, 0\]"),
+        ("", (0.0, 0.0), r"if gravity is \[9.81, 0\]"),
+        ("", (9.81, 0.0), ""),
+    ],
+)
+def test_angles_that_are_counted_otherwise(
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    kind: str,
+    gravity: tuple[float, float],
+    said: str,
+):
+    """Assert that another sense, reference or gravity is named, and none of a right log."""
+    arm = replace(MADE.known, gravity=gravity)
+    log = read_otherwise(read_arm_log(folder / "run.csv", arm.types), kind)
+    monkeypatch.setattr(identify_module, "read_arm_log", lambda *_: log)
+    monkeypatch.setattr(identify_module, "_chosen_fit", Mock(side_effect=StopIteration))
+    with pytest.raises(FlexidError if said else StopIteration, match=said or None):
+        identify_arm(folder / "run.csv", arm)
 
 
 @pytest.mark.parametrize(

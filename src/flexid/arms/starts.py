@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from flexid.arrays import FloatArray
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import balance_columns
+from flexid.models.planar_arm import PlanarArm
 from flexid.models.torque_balance import JointTerm, TorqueBalance
 from flexid.recording.velocities import position_noise
 
@@ -32,6 +33,7 @@ _SLOW = 3.0  # standard deviations of a velocity's noise, up to which its sign i
 _REGULARISATION = 1e-6  # weight of the regularisation towards zero, over a column's norm
 _SOFTEST, _REWEIGHTED = 30.0, 3  # assumed stiffness over the largest known one; iterations
 _BACKWARDS = 30.0  # standard deviations of white noise; a joint that hardly moves reaches 20
+_FREE_FALL = 9.81  # m/s²
 _FEWEST_EACH = 5  # rows with a moving motor per parameter of its balance
 
 
@@ -173,6 +175,66 @@ def backward_inputs(
         if shares[source] < -_BACKWARDS * np.sqrt(inverse[source, source] * np.mean(rest**2)):
             found.append(joint)
     return found
+
+
+def readings(
+    arm: PlanarArm, recordings: Sequence[Samples]
+) -> Iterator[tuple[str, PlanarArm, list[Samples]]]:
+    """Yield other readings of a log: what it would mean, the arm, and the recordings."""
+    for joint in range(2, arm.joints + 1):
+        sides = np.ones(2 * arm.joints)
+        sides[2 * joint - 2 : 2 * joint] = -1.0
+        turned = [
+            replace(r, positions=r.positions * sides, inputs=r.inputs * sides[::2])
+            for r in recordings
+        ]
+        yield (
+            f"joint {joint} counts the other way: scale its angles and its input by -1 in a column "
+            f"map",
+            arm,
+            turned,
+        )
+    if arm.joints > 1 and "prismatic" not in arm.types:
+        before = [np.repeat(r.positions[:, :-2:2], 2, axis=1) for r in recordings]
+        apart = [
+            replace(r, positions=np.hstack((r.positions[:, :2], r.positions[:, 2:] - of_base)))
+            for r, of_base in zip(recordings, before, strict=True)
+        ]
+        yield (
+            "angles are measured from one direction: subtract the previous link's from both of "
+            "each joint, by a sum in a column map",
+            arm,
+            apart,
+        )
+    along, across = arm.gravity if arm.has_gravity else (_FREE_FALL, 0.0)
+    turns = (
+        (along, across),
+        (0.0 - across, along),
+        (0.0 - along, 0.0 - across),
+        (across, 0.0 - along),
+    )
+    for x, y in turns:
+        if arm.joints > 1 and (x, y) != arm.gravity:
+            means = f"gravity is [{x:.3g}, {y:.3g}]: correct it, or the zeros of the angles"
+            yield means, replace(arm, gravity=(x, y)), [*recordings]
+
+
+def unexplained(
+    balance: TorqueBalance,
+    recordings: Sequence[Samples],
+    fixed: dict[str, float],
+    resting: Sequence[int] = (),
+) -> float:
+    """Return the part of the springs' torques, as squares, that the links' balances leave.
+
+    Only slow motion counts. NaN if the motors' balances show no spring.
+    """
+    data = filtered(balance, recordings, _bands(recordings)[-1])
+    values = _by_deflection(next(data.parts(resting)), fixed)
+    rows = data.columns[:, ::2]
+    torques = rows[:, :, data.springs] @ values[data.springs]
+    size, left = (np.sum(part**2, axis=0) for part in (torques, rows @ values))
+    return float(np.sum(left / size)) if np.all(size > 0.0) else np.nan
 
 
 def _by_deflection(data: Filtered, fixed: dict[str, float]) -> FloatArray:
