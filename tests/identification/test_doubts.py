@@ -211,16 +211,21 @@ def test_a_rigid_joint_that_long_segments_contradict(
 def test_halves_count_by_what_they_know(variances, share):
     """Assert the variance that disagreeing halves add to their weighted mean, w1 w2 (d² - v1 - v2).
 
-    A half with infinite variance adds none.
+    A half with infinite variance adds none. The whole log may be farther from the better half than
+    its mean: then that distance counts.
     """
+    first, second = variances
     for difference in (20.0, 2.0):
-        pair = (
+        pair = [
             doubts.Repeat(np.array([value, value]), np.array([variance, np.inf]))
             for value, variance in zip((5.0, 5.0 + difference), variances, strict=True)
-        )
-        found = np.diag(doubts.covariance_of(doubts.between_halves(*pair)))
+        ]
         beyond = max(difference**2 - sum(variances), 0.0)
-        assert found == pytest.approx([share * beyond, 0.0])
+        mean = 5.0 + difference * first / (first + second)
+        for whole, expected in ((mean, share), (5.0 + 0.8 * difference, 0.64)):
+            errors = doubts.between_halves(np.array([whole, 5.0]), *pair)
+            found = np.diag(doubts.covariance_of(errors))
+            assert found == pytest.approx([expected * beyond, 0.0])
 
 
 def test_covariances_add():

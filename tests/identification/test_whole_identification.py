@@ -422,6 +422,23 @@ def test_a_clamped_link_leaves_the_motor_and_the_spring():
     assert result.supports()
 
 
+def test_a_swing_before_a_clamped_motor_shows_its_friction():
+    """Assert that a link that swings freely is known over its inertia, with friction.
+
+    Damping of the spring acts like friction, and a delay shifts the time: they are not sought.
+    """
+    values = {"theta2": 75.0, "theta_viscous": 0.22}
+    system = flexible_joint(("link_viscous",))
+    held = dict.fromkeys(system.coefficients, 0.0) | values
+    states = free_run(system, held, np.array([0.6, 0.0, 0.0, 0.0]), np.zeros((7500, 1)), 2e-3)
+    channels = {"time": 2e-3 * np.arange(7500), "link_position": states[:, 0].round(4)}
+    log = log_of_table(table_of_arrays(channels), {"motor_position": 0.0})
+    result = identify([log])
+    names = ("joint_stiffness_per_link_inertia", "viscous_friction_per_link_inertia")
+    assert_holds(result, dict(zip(names, values.values(), strict=True)), 1e-3)
+    assert {*result.fit.names} == {*values}
+
+
 @pytest.mark.parametrize("is_one_log", [True, False], ids=["one log", "two logs"])
 def test_a_link_that_is_clamped_at_first_has_an_inertia(is_one_log):
     """Assert that a recording with a clamped link leaves the link of the next one sought."""

@@ -71,6 +71,8 @@ CASES: dict[str, Columns] = {
     "a clipped position": changed("velocity", motor_position=lambda q: np.clip(q, -0.5, 0.5)),
     "a clipped torque": changed(motor_torque=lambda u: np.clip(u, -9.0, 15.0)),
     "six times as much": changed("velocity", motor_position=6.0),
+    "1.6 times as much": changed("velocity", motor_position=1.6),
+    "1.4 times as much": changed("velocity", motor_position=1.4),
     "another motion": changed("velocity", link_position=lambda _: np.sin(0.0385 * COUNTS)),
     "a high voltage": {**changed("torque"), "motor_voltage": 3e3 * SWING},
     "a high current": {**changed("torque"), "motor_current": 600.0 * SWING},
@@ -232,6 +234,28 @@ def pushed(gain: float = 0.0) -> dict[str, FloatArray]:
     return {"time": CLOCK, **rounded, "motor_torque": disturbance + gain * spring}
 
 
+def held() -> dict[str, FloatArray]:
+    """Return a link that is pushed four times, with a motor that a controller and friction hold."""
+    step = 2e-4
+    times = step * np.arange(100_000.0)
+    pushes = ((5.0, 4.0, 0.25), (-6.0, 9.0, 0.3), (4.0, 14.0, 0.2), (-5.0, 17.0, 0.3))
+    push = np.sum([size * np.exp(-(((times - t) / w) ** 2)) for size, t, w in pushes], axis=0)
+    link, motor, link_speed, motor_speed, torque = states = np.zeros((5, len(times)))
+    for i in range(len(times) - 1):
+        torque[i] = -30.0 * motor[i] - motor_speed[i]
+        spring = 200.0 * (link[i] - motor[i])
+        link_speed[i + 1] = link_speed[i] + step / 0.12 * (push[i] - spring - 0.05 * link_speed[i])
+        free = motor_speed[i] + step / 0.08 * (torque[i] + spring - 0.5 * motor_speed[i])
+        motor_speed[i + 1] = np.copysign(max(abs(free) - step / 0.08 * 0.3, 0.0), free)
+        link[i + 1] = link[i] + step * link_speed[i + 1]
+        motor[i + 1] = motor[i] + step * motor_speed[i + 1]
+    sides = dict(
+        zip(("link_position", "motor_position"), 1e-5 * np.rint(1e5 * states), strict=False)
+    )
+    every = {"time": times, "motor_torque": torque, **sides}
+    return {name: own[:-1:5] for name, own in every.items()}
+
+
 RIGHT: Mapping[str, Mapping[str, FloatArray]] = {
     "two encoders": driven(*LOW),
     "a deflection": with_deflection(driven(*LOW)),
@@ -245,6 +269,7 @@ RIGHT: Mapping[str, Mapping[str, FloatArray]] = {
     "a load that is let down": let_down(),
     "a link that is pushed": pushed(),
     "a link that is pushed, with a motor that helps": pushed(gain=1.0),
+    "a link that is pushed, with a motor that is held": held(),
 }
 
 
@@ -314,6 +339,16 @@ def test_signs_with_rest_and_wraps() -> None:
     )
     assert "link_position" in log.turned
     assert np.abs(log.recordings[0].deflection).max() < 1.0
+
+
+def test_a_deflection_may_rest() -> None:
+    """Assert that a deflection that rests while the motor turns steadily is no dead sensor."""
+    motor = SLOW + 0.1 * np.sin(SLOW)
+    bent = COARSE(0.01 * np.sin(SLOW))
+    bent[-300:] = bent[-301]
+    columns = {"time": SLOW, "motor_position": motor, "deflection": bent}
+    log = read_columns(columns | {"motor_torque": np.cos(SLOW)})
+    assert not any("stuck" in warning for warning in log.warnings)
 
 
 def test_exchanged_sides_and_different_signs() -> None:

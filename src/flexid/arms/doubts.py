@@ -154,7 +154,7 @@ def halves_of_the_log(found: DisturbedFit) -> FloatArray:
         in_band = replace(found.job, data=data).in_band
         half = in_band.with_gains_of(fitted, fitted.by_name, NEAR_STEPS)
         halves.append(Repeat(half.values, half.unit_deviations**2))
-    return between_halves(*halves)
+    return between_halves(fitted.values, *halves)
 
 
 def another_band(found: DisturbedFit) -> FloatArray:

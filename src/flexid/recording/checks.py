@@ -26,6 +26,9 @@ _MOST_WINDING = 0.6  # rad of deflection while the motor rests; beyond it an enc
 # Correlation of a position with the other one and its curvature, from which on they are of one
 # joint: 0.998 or more in 49 releases, up to 0.92 between positions of different joints.
 _COUPLED = 0.98
+# Motion of the motor over the link's in phase, above which the motor seems to turn before a gear. A
+# free link moves farther. Gravity or a cable as stiff as half the joint would hold it back as much.
+_GEARED = 1.5
 _COPIED = 0.01  # largest relative difference of a copy; the derivative of a noisy position has some
 _COPY_FACTOR = 0.02  # largest deviation of a copy's factor from 1, in SI units or those of the file
 _FEWEST_READINGS = 50  # changes of a sensor that are needed to estimate its reading rate
@@ -260,20 +263,21 @@ def check_two_encoders(log: Draft) -> None:
         remedy = f"correct the {log.ratio}" if is_stated else remedy
     moves = f"the {larger} position is about {factor:.3g} times the {smaller} position"
     # Near resonance one side moves several times as far, so only clear cases are refused.
-    is_one_motion = abs(correlation) > 0.98
+    is_one_motion = abs(correlation) > _COUPLED
+    may_be_geared = correlation > _COUPLED and larger == "motor" and not is_stated
+    as_if = f"{moves}, as if by a gear: {remedy} in a column map"
     faults = {
         "link and motor position are the same signal, which does not show the spring: "
         "log the second encoder": _is_constant(link - motor, link),
         f"the {larger} position is about {misread:.4g} times the {smaller} position, so one is "
         f"{units}: write the unit in brackets": is_one_motion
         and abs(factor / misread - 1.0) < 0.05,
-        f"{moves}, as if by a gear: {remedy} in a column map": (
-            is_one_motion and factor > 20.0 and not (is_stated and larger == "motor")
-        ),
+        as_if: is_one_motion and factor > 20.0 and not (is_stated and larger == "motor"),
     }
     oddities = {
+        as_if: may_be_geared and factor > _GEARED,
         f"the {larger} position moves {factor:.2g} times as much as the {smaller} position: check "
-        f"the {log.ratio} and the units": factor > 4.0,
+        f"the {log.ratio} and the units": factor > 4.0 and not may_be_geared,
         f"link and motor position hardly follow each other (correlation {correlation:.2f}): check "
         f"that they belong to one joint, and the {log.ratio}": abs(correlation) < 0.3
         and not _are_coupled(link, motor),
@@ -374,7 +378,8 @@ def _frozen_stretches(
         moves = log[other][start:stop]
         if np.ptp(moves) <= clear[other] or len(np.unique(moves)) < FEWEST_STILL // 2:
             continue
-        far = np.ptp(moves) > MOVED * np.ptp(log[other])
+        # While a motor turns steadily, a deflection rests.
+        far = np.ptp(moves) > MOVED * np.ptp(log[other]) and name != "deflection"
         lasting = stop == len(values) and stop - start >= _LASTING_SHARE * len(values)
         if _jumps(values[stop - 1 :], clear[name]) or (lasting and far):
             yield start, stop

@@ -120,8 +120,8 @@ def _are_exchanged(recording: Recording) -> bool:
     motor, link, acts = recording.motor_position, recording.link_position, recording.input
     if smoothed is None or link is None or acts is None or recording.clamped:
         return False
-    if recording.link_from_deflection:
-        return False
+    if recording.link_from_deflection or _work_share(acts, link) <= 0.0:
+        return False  # what drives a side does work on it, unlike a controller that holds it
     bent = smoothed(link - motor)
     (is_right, rest), (is_other_right, other_rest) = (
         _opposes(sign * bent, smoothed(side, 2), _resistance(recording, smoothed, side))
@@ -375,10 +375,15 @@ def _is_reversed_input(recording: Recording) -> bool:
     others = _resistance(recording, smoothed, motor if link is None else link)
     if link is not None:
         others = [smoothed(link - motor, 2), *others]
-    work = 0.5 * (recording.input[1:] + recording.input[:-1]) * np.diff(motor)
-    if work.sum() >= -_DISSIPATED * np.abs(work).sum():
+    if _work_share(recording.input, motor) >= -_DISSIPATED:
         return False
     return _opposes(smoothed(recording.input), smoothed(motor, 2), others)[0]
+
+
+def _work_share(acts: FloatArray, position: FloatArray) -> float:
+    """Return the work of an input at a position over its absolute work; 0 if there is none."""
+    work = 0.5 * (acts[1:] + acts[:-1]) * np.diff(position)
+    return float(work.sum() / (np.abs(work).sum() or 1.0))
 
 
 def _opposes(

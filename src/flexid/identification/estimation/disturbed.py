@@ -50,7 +50,7 @@ from flexid.identification.structure.sought_terms import (
 from flexid.identification.structure.validation import Follower
 from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
-from flexid.models.flexible_joint import DISSIPATIVE, HARDENING, flexible_joint
+from flexid.models.flexible_joint import DAMPING, DISSIPATIVE, HARDENING, flexible_joint
 from flexid.recording.recording import Hold
 
 _ROUNDS = 3  # of removing terms
@@ -208,8 +208,9 @@ def _without_hidden_terms(
     together = {name for name, free in zip(best.fitted.names, _free(best), strict=True) if free}
     own: Sequence[TermEvidence] = ()
     for stay in ({*kept}, {*kept} | together):
-        # Every drive has friction. Without it, disturbances and inertias take its place.
-        leaner, own = eliminate(best.fitted, stay, asked, likely=DISSIPATIVE)
+        # Every drive has friction. Without it, disturbances and inertias take its place. Damping of
+        # the spring is no such friction, and what no term describes often looks like it.
+        leaner, own = eliminate(best.fitted, stay, asked, likely=DISSIPATIVE - DAMPING)
         other = _leaner(leaner, best)
         if other is not None:
             return other, own

@@ -85,7 +85,8 @@ def disturbed_estimate(
         errors.append((between_bands(own, _in_other_bands(found)), OF_A_BAND))
         halves = (replace(band, data=half) for half in band.data.halves())
         one, other = side_by_side(lambda half: _refit(found, half), halves)
-        errors += [(between_halves(one, other), OF_A_HALF)] if one and other else []
+        if one and other:
+            errors.append((between_halves(fitted.values, one, other), OF_A_HALF))
     every = [(covariance_of(directions), words) for directions, words in errors]
     return widened(estimate, [*every, (np.broadcast_to(hidden, estimate.covariance.shape), HIDDEN)])
 

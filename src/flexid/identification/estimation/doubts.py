@@ -296,18 +296,22 @@ def between_bands(own: Repeat, others: Sequence[Repeat]) -> FloatArray:
     return found
 
 
-def between_halves(first: Repeat, second: Repeat) -> FloatArray:
+def between_halves(whole: FloatArray, first: Repeat, second: Repeat) -> FloatArray:
     """Return the difference between the log's halves beyond chance, shape (k, 1).
 
-    The estimate of the whole log is about the mean of the halves, weighted by their information. A
-    half that is mostly rest may give any value, but hardly affects the whole.
+    The estimate of the whole log, shape (k,), is about the mean of the halves, weighted by their
+    information. A half that is mostly rest may give any value, but hardly affects the whole. A half
+    in which the drive changes may affect it far more than its information suggests.
     """
-    variances = first.variances + second.variances
-    with np.errstate(invalid="ignore"):  # infinite variance in a half
+    variances, difference = first.variances + second.variances, first.values - second.values
+    better = np.where(first.variances <= second.variances, first.values, second.values)
+    with np.errstate(invalid="ignore", divide="ignore"):  # infinite variance, equal values
         share = np.sqrt(first.variances) * np.sqrt(second.variances) / variances
         share = np.nan_to_num(share)  # 1/2 for equal variances, otherwise less
+        apart = np.nan_to_num(np.abs((whole - better) / difference), posinf=0.0)
+        share = np.maximum(share, np.minimum(apart, 1.0))
         by_chance = share**2 * variances
-    return _beyond_chance(share * (first.values - second.values), by_chance)[:, None]
+    return _beyond_chance(share * difference, by_chance)[:, None]
 
 
 def _beyond_chance(difference: FloatArray, variance: FloatArray) -> FloatArray:

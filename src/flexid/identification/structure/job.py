@@ -47,6 +47,7 @@ from flexid.identification.structure.validation import misprediction, validate
 from flexid.identification.vocabulary import Progress, silent
 from flexid.identification.vocabulary.evidence import Validation
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
+from flexid.models.flexible_joint import DAMPING
 from flexid.recording.recording import Hold, Recording
 
 MEASURED_HOLD: Hold = "cubic"
@@ -114,8 +115,8 @@ class Job:
 
         A delay of a deflection sensor does not.
         """
-        settings = self.settings
-        if self.joint.kind != "link" or self.deflection or settings.link_delay != "auto":
+        settings, is_sure = self.settings, self.deflection or LINK in self.left_out
+        if self.joint.kind != "link" or is_sure or settings.link_delay != "auto":
             return False
         return settings.terms == "auto" or {*CONFUSED} <= self.kept
 
@@ -196,6 +197,9 @@ def job_of(
     job = Job(joint, recordings, known, settings, progress, thresholds)
     if job.link_is_clamped:
         job = replace(job, left_out=_link_coefficients(joint))
+    elif joint.kind == "link" and "motor_position" in job.clamped:
+        # A delay only shifts the time, and the spring's damping acts like the link's friction.
+        job = replace(job, left_out=DAMPING | {LINK})
     if settings.coulomb_velocity != "auto" and (dry := sorted(job.kept & joint.shapes)):
         raise SettingError(
             "coulomb_velocity",
