@@ -20,6 +20,7 @@ from made_joint import (
     log,
     made,
     pushed,
+    recording,
     seen,
     stopping,
     structure,
@@ -308,6 +309,33 @@ def test_halves_of_two_drives_widen_the_interval():
     warmth = 1.0 - 0.6 * (1.0 - np.exp(-np.linspace(0.0, 16.0, 1000) / 8.0))
     for mean in (warmth[:500].mean(), warmth[500:].mean()):
         assert abs(estimate.by_name["alpha2"] - mean * PUSHED["alpha2"]) <= half
+
+
+@pytest.mark.parametrize(("gain", "every"), [(600.0, 5), (1200.0, 5), (600.0, 1)])
+def test_a_log_slower_than_its_controller_misses_torque(gain: float, every: int):
+    """Assert that the interval allows for torque between the samples, if there is any.
+
+    A controller answers steps of its course; the log has one of `every` of its samples.
+    """
+    step = 1e-3
+    course = np.repeat(np.random.default_rng(1).uniform(-0.5, 0.5, 24), 1000)
+    link = motor = link_speed = motor_speed = 0.0
+    rows = np.zeros((len(course), 3))
+    for row, goal in zip(rows, course, strict=True):
+        torque = gain * (goal - motor) - 40.0 * motor_speed
+        row[:] = link, motor, torque
+        spring = 150.0 * (motor - link)
+        link_speed += step * spring
+        motor_speed += step / 0.6 * (torque - spring - 0.9 * motor_speed)
+        link, motor = link + step * link_speed, motor + step * motor_speed
+    rows[:, :2] += 2e-5 * np.random.default_rng(3).standard_normal((len(course), 2))
+    logged = data(recording(step * np.arange(len(course))[::every], *rows[::every].T))
+    found = among_disturbances(structure("motor_viscous"), logged)
+    estimate = disturbed_estimate(found, logged, is_voltage=False)[0]
+    half = half_widths(estimate)[estimate.names.index("beta1")] / PUSHED["beta1"]
+    error = abs(estimate.by_name["beta1"] / PUSHED["beta1"] - 1.0)
+    assert error < half < (0.05 if every == 1 else 0.4)
+    assert (error > 0.1) == (every > 1)
 
 
 @cache

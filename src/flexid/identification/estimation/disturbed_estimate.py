@@ -83,6 +83,7 @@ def disturbed_estimate(
     if fitted.converged:  # otherwise there is nothing to compare other fits with
         own = Repeat(fitted.values, np.diag(estimate.covariance))
         errors.append((between_bands(own, _in_other_bands(found)), OF_A_BAND))
+        errors.append((by_sampling(found, own), "the input may change between its samples"))
         halves = (replace(band, data=half) for half in band.data.halves())
         one, other = side_by_side(lambda half: _refit(found, half), halves)
         if one and other:
@@ -98,6 +99,26 @@ def by_input_noise(found: Disturbed, logged: Data) -> FloatArray:
     other = _refit(found, replace(found.best.band, data=found.input.other_of(logged)))
     change = 0.0 if other is None else other.values - found.fitted.values
     return np.broadcast_to(found.input.left * change, found.fitted.values.shape)[:, None]
+
+
+def by_sampling(found: Disturbed, own: Repeat) -> FloatArray:
+    """Return errors if the input changes between its samples, by a fit to half as many of them.
+
+    A controller that is faster than the log answers a step with a torque that the log shows only in
+    part. If every other sample of the input is interpolated, such an error about doubles.
+    """
+    from scipy.interpolate import CubicSpline
+
+    band, samples = found.best.band, []
+    if found.fitted.structure.joint.kind == "link":
+        return no_errors(found.fitted)
+    for recording in band.data.samples:
+        places = np.arange(len(recording.inputs))
+        inputs = CubicSpline(places[::2], recording.inputs[::2])(places)
+        samples.append(replace(recording, inputs=np.ascontiguousarray(inputs)))
+    other = _refit(found, replace(band, data=replace(band.data, samples=tuple(samples))))
+    # Uniform between none and all of it.
+    return between_bands(own, [other] if other else []) / np.sqrt(3.0)
 
 
 def by_damping(found: Disturbed) -> FloatArray:
