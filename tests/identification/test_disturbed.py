@@ -62,6 +62,27 @@ FALLING: Any = {
 BOUC_WEN: Any = {"hysteresis_torque": 4.0, "hysteresis_reach": 0.02, "hysteresis_power": 3.0}
 
 
+def logged_as(made_log: Recording, torque: np.ndarray) -> Recording:
+    """Return the recording with another logged torque."""
+    sides = made_log.needed_link_position, made_log.motor_position
+    return recording(made_log.time, *sides, torque, "another torque")
+
+
+def saturating() -> Recording:
+    """Return a drive of whose logged torque v only v - s v³ acts, up to 15 % less."""
+    right = pushed(7, link_push=0.3)
+    logged, most = right.input.copy(), np.abs(right.input).max() / 0.85
+    for _ in range(50):
+        logged = right.input + 0.15 * logged**3 / most**2
+    return logged_as(right, logged)
+
+
+def rippling() -> Recording:
+    """Return a drive with a cogging torque of 1 N m, 14 times per turn of the motor."""
+    right = pushed(7, link_push=0.3)
+    return logged_as(right, right.input + np.sin(14.0 * right.motor_position + 0.4))
+
+
 @dataclass(frozen=True)
 class Case:
     """Log with its terms, its true values and the allowed half width of the main coefficients."""
@@ -124,6 +145,8 @@ CASES = {
         ("gravity", "joint_damping", "motor_coulomb"), with_shapes=True,
         more=(*COEFFICIENTS.items(), ("alpha_coulomb", 10.0 / 3.0), ("alpha_stribeck", 5.0)),
     ),
+    "a torque that saturates": Case(saturating, with_shapes=True),
+    "a torque with ripple": Case(rippling, with_shapes=True),
     "a spring that hardens": Case(
         lambda: pushed(7, link_push=0.3, cubic_stiffness=HARDENS), ("cubic_stiffness",),
         with_shapes=True,
@@ -168,6 +191,19 @@ def test_the_core_stays_known(name: str):
         if truth is not None:
             assert abs(value - truth) <= half, coefficient
             assert half < case.share * truth or coefficient not in CORE, coefficient
+
+
+def test_torques_that_differ_from_the_log():
+    """Assert that saturation and ripple are found among disturbances."""
+    found = {name: {*fitted(name)[1].names} for name in CASES}
+    assert [name for name, own in found.items() if "alpha_saturation" in own] == [
+        "a torque that saturates"
+    ]
+    assert [name for name, own in found.items() if "ripple_number" in own] == [
+        "a torque with ripple"
+    ]
+    number = fitted("a torque with ripple")[1].by_name["ripple_number"]
+    assert number == pytest.approx(14.0, abs=0.05)
 
 
 def test_what_each_log_shows():

@@ -39,6 +39,7 @@ def cluster_influences(
     influences = np.zeros((k, len(normals)))
     if k == 0:
         return influences, np.zeros(0)
+    normals, scores, inverse, units = _in_units(normals, scores, inverse)
     shown = np.zeros(k)  # trace of the quadratic form, for white noise of unit variance
     squares, across, gram = np.zeros(k), np.zeros(k), np.zeros((k, k, k))
     for places in _by_block_count(segments):
@@ -58,7 +59,23 @@ def cluster_influences(
         squares += np.einsum("scbd,scbd->c", part, part)
         across += np.einsum("scbd,scdb->c", shared, part)
         gram += np.einsum("scbi,scbj->cij", common, common)
-    return unbiased(influences, inverse, shown, squares, across, gram)
+    influences, freedom = unbiased(influences, inverse, shown, squares, across, gram)
+    return influences * units[:, None], freedom
+
+
+def _in_units(
+    normals: FloatArray, scores: FloatArray, inverse: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the arrays with common unknowns in units near their deviations, and the units, (k,).
+
+    Fourth powers of the deviation of an invisible unknown would overflow. Powers of two leave all
+    digits as they are.
+    """
+    variances = np.diag(inverse)
+    units = np.exp2(np.round(0.5 * np.log2(np.where(variances > 0.0, variances, 1.0))))
+    every = np.concatenate([np.ones(normals.shape[-1] - len(units)), units])
+    normals = normals * every[:, None] * every
+    return normals, scores * every, inverse / units[:, None] / units, units
 
 
 def unbiased(

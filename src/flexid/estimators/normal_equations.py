@@ -43,7 +43,7 @@ def scaled_pseudo_inverse(matrices: FloatArray, null: float) -> FloatArray:
 
 NULL = 1e-12  # eigenvalues up to this count as zero in a matrix with a unit diagonal
 
-_INVISIBLE = 1e-70  # scale of an unknown without effect: fourth powers of its inverse overflow
+_INVISIBLE = 1e-140  # scale of an unknown without effect: the square of its inverse overflows
 
 _OPEN_COMPONENT = 1e-6  # component in an undetermined direction of an undetermined coefficient
 

@@ -43,6 +43,8 @@ from flexid.identification.structure.sought_terms import (
     PARALLEL,
     PRESLIDING,
     PROGRESSIVE,
+    RIPPLE,
+    SATURATING,
     SCALES,
     STRIBECK,
     TRANSMISSION,
@@ -123,8 +125,9 @@ def fit_disturbed(
 
 def _with_unusual_terms(full: JointInBand, kept: Collection[str]) -> tuple[JointInBand, float]:
     """Return the fit with all unusual terms that are likely, and the spring's doubt by play."""
-    # The error of a transmission hides all other laws of the spring.
-    full = with_shape(TRANSMISSION, full, kept)
+    # Changes of the torque hide all other terms, a transmission error all laws of the spring.
+    for shape in (SATURATING, RIPPLE, TRANSMISSION):
+        full = with_shape(shape, full, kept)
     # Different scales of the encoders look like a spring to the base.
     full = min([full, *(with_shape(one, full, kept) for one in (SCALES, PARALLEL))], key=cost_of)
     # Friction of the load hides which spring the motor's balance shows, and the other way round.

@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from flexid.arrays import FloatArray
+from flexid.identification.full_model.amplifier import shows_saturation
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.preparation.joint import Joint
@@ -29,6 +30,7 @@ from flexid.models.flexible_joint import (
     HYSTERESIS_GRIP,
     PRESLIDING_GRIP,
     RIPPLE_NUMBER,
+    SATURATION,
     SHAPE_TERMS,
     SOUGHT_CONSTANTS,
     SPRING,
@@ -341,6 +343,13 @@ def reflected(values: Mapping[str, float]) -> dict[str, float]:
     return {name: found[name] for name in values}
 
 
+SATURATING = SoughtShape(
+    "a torque that saturates",
+    SATURATION,
+    candidates=lambda _, data: [ANY] if shows_saturation(data) else [],
+)
+"""Saturation of the torque at large inputs, if the input shows it."""
+
 LOADED = SoughtShape(
     "friction that grows with the load",
     frozenset(SHAPE_TERMS["load_friction"].coefficients),
@@ -399,7 +408,7 @@ SOUGHT_COEFFICIENTS = frozenset(c for shape in SOUGHT for c in shape.coefficient
 """Coefficients of the terms in `SOUGHT`."""
 
 LINEAR = frozenset(
-    c for shape in (LOADED, *SOUGHT) if not shape.constant for c in shape.coefficients
+    c for shape in (LOADED, SATURATING, *SOUGHT) if not shape.constant for c in shape.coefficients
 )
 """Coefficients of the terms that are sought without a constant."""
 
