@@ -70,7 +70,7 @@ def logged_as(made_log: Recording, torque: np.ndarray) -> Recording:
 
 def saturating() -> Recording:
     """Return a drive of whose logged torque v only v - s v³ acts, up to 15 % less."""
-    right = pushed(7, link_push=0.3)
+    right: Any = pushed(7, link_push=0.3)
     logged, most = right.input.copy(), np.abs(right.input).max() / 0.85
     for _ in range(50):
         logged = right.input + 0.15 * logged**3 / most**2
@@ -79,7 +79,7 @@ def saturating() -> Recording:
 
 def rippling() -> Recording:
     """Return a drive with a cogging torque of 1 N m, 14 times per turn of the motor."""
-    right = pushed(7, link_push=0.3)
+    right: Any = pushed(7, link_push=0.3)
     return logged_as(right, right.input + np.sin(14.0 * right.motor_position + 0.4))
 
 
