@@ -70,17 +70,18 @@ def logged_as(made_log: Recording, torque: np.ndarray) -> Recording:
 
 def saturating() -> Recording:
     """Return a drive of whose logged torque v only v - s v³ acts, up to 15 % less."""
-    right: Any = pushed(7, link_push=0.3)
-    logged, most = right.input.copy(), np.abs(right.input).max() / 0.85
+    right = pushed(7, link_push=0.3)
+    acts = right.needed_input
+    logged, most = acts, np.abs(acts).max() / 0.85
     for _ in range(50):
-        logged = right.input + 0.15 * logged**3 / most**2
+        logged = acts + 0.15 * logged**3 / most**2
     return logged_as(right, logged)
 
 
 def rippling() -> Recording:
     """Return a drive with a cogging torque of 1 N m, 14 times per turn of the motor."""
-    right: Any = pushed(7, link_push=0.3)
-    return logged_as(right, right.input + np.sin(14.0 * right.motor_position + 0.4))
+    right = pushed(7, link_push=0.3)
+    return logged_as(right, right.needed_input + np.sin(14.0 * right.motor_position + 0.4))
 
 
 @dataclass(frozen=True)

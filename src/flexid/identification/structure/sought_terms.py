@@ -76,6 +76,11 @@ def _apart_in_number(joint: Joint, data: Data) -> float:
     return 2.0 * np.pi / moved if moved > 0.0 else np.inf
 
 
+def _least_number(fitted: Fitted) -> float:
+    """Return the least number of periods per turn that no slow function of the angle looks like."""
+    return _FEW[-1] * _apart_in_number(fitted.structure.joint, fitted.data)
+
+
 def _range(joint: Joint, data: Data) -> float:
     """Return the range of the motor's motion in rad."""
     positions = [joint.both_sides(recording)[0][:, _MOTOR] for recording in data.samples]
@@ -163,6 +168,8 @@ RIPPLE = SoughtShape(
     RIPPLE_NUMBER,
     numbers,
     _apart_in_number,
+    # One with fewer periods in the range of motion looks like gravity or an error of scales.
+    is_plausible=lambda fitted: abs(fitted.by_name[RIPPLE_NUMBER]) >= _least_number(fitted),
 )
 """Ripple, and the number of its periods in a turn."""
 
@@ -172,7 +179,7 @@ TRANSMISSION = SoughtShape(
     ERROR_NUMBER,
     error_numbers,
     _apart_in_number,
-    lambda fitted: _FEW[-1] * _apart_in_number(fitted.structure.joint, fitted.data),
+    _least_number,
     shown_in=_BY_LINK,
 )
 """Error of the transmission, and the number of its periods in a turn.
