@@ -348,6 +348,26 @@ def test_halves_of_two_drives_widen_the_interval():
         assert abs(estimate.by_name["alpha2"] - mean * PUSHED["alpha2"]) <= half
 
 
+@pytest.mark.parametrize("payload", [0.0, 0.4])
+def test_logs_with_another_payload_are_named(payload: float):
+    """Assert that the interval contains both inertias, and that a warning names the parameter."""
+    loads = (0.0, payload)
+    logs = [
+        log(made(5 + i, link_inertia=1.0 + more, gravity_torque=5.0 + 8.0 * more, torque_noise=0.3))
+        for i, more in enumerate(loads)
+    ]
+    found = identify(logs, settings=Settings(terms=("gravity", "motor_viscous", "link_offset")))
+    low, high = found.parameters["link_inertia"].interval
+    assert low <= 1.0
+    assert 1.0 + payload <= high
+    named = [text for text in map(str, found.warnings) if text.startswith("the logs differ in")]
+    assert [("link_inertia" in text, "joint_stiffness" in text) for text in named] == (
+        [(True, False)] if payload else []
+    )
+    assert found.parameters["joint_stiffness"].half_width < 5.0
+    assert {"theta_offset[1]", "theta_offset[2]"} <= found.coefficients.keys()
+
+
 @pytest.mark.parametrize(("gain", "every"), [(600.0, 5), (1200.0, 5), (600.0, 1)])
 def test_a_log_slower_than_its_controller_misses_torque(gain: float, every: int):
     """Assert that the interval allows for torque between the samples, if there is any.

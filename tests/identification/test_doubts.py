@@ -228,6 +228,20 @@ def test_halves_count_by_what_they_know(variances, share):
             assert found == pytest.approx([expected * beyond, 0.0])
 
 
+def test_logs_count_by_what_they_know():
+    """Assert the variance between logs: squared deviations beyond chance, times each log's share.
+
+    A log that knows little hardly counts, unless it differs clearly. Equal values add nothing, nor
+    do those that no log shows.
+    """
+    values = np.array([[4.0, 4.9, 4.9, 7.0, 3.0], [6.0, 9.0, 15.0, 7.0, 3.0]])
+    variances = np.array([[0.1, 0.1, 0.1, 0.1, np.inf], [0.1, 10.0, 10.0, 0.1, np.inf]])
+    logs = [doubts.Repeat(*each) for each in zip(values, variances, strict=True)]
+    found = doubts.between_logs(np.array([5.0, 5.0, 5.0, 7.0, 3.0]), logs)
+    expected = [0.9, (16.0 - 10.0) / 101.0, (100.0 - 10.0) / 2.0, 0.0, 0.0]
+    assert np.diag(doubts.covariance_of(found)) == pytest.approx(expected)
+
+
 def test_covariances_add():
     """Assert that the covariances of all doubts add up, and that the widest doubt is named."""
     found = doubted(is_voltage=True)

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import pairwise
@@ -276,7 +276,7 @@ def _cubic(n: int) -> tuple[FloatArray, FloatArray]:
     return powers, np.asarray(np.linalg.pinv(powers), dtype=np.float64)
 
 
-_FEWEST_SAMPLES = 5_000  # per thread: with fewer, starting it costs as much as it saves
+_FEWEST_SAMPLES = 1_000  # per thread: with fewer, handing them over costs as much as it saves
 _SHARES = 4  # per thread, so that all threads end at about the same time
 
 
@@ -299,16 +299,32 @@ def in_threads(
 def side_by_side(of: Callable[[A], B], each: Iterable[A], threads: int | None = None) -> list[B]:
     """Return a function's results in order, computed in `threads` threads or on all cores."""
     every = [*each]
-    threads = min(threads or cores(), len(every))
-    with shared(len(every)) as own_budget, ThreadPoolExecutor(max(threads, 1)) as pool:
+    places = iter(range(len(every)))
+    results: dict[int, B] = {}
+    failures: dict[int, BaseException] = {}
+    with shared(len(every)) as own_budget:
 
-        def run(place: int) -> B:
-            with own_budget(place):
-                return of(every[place])
+        def work() -> None:
+            for place in places:
+                if failures:
+                    return
+                try:
+                    with own_budget(place):
+                        results[place] = of(every[place])
+                except BaseException as error:  # an interruption, too, ends the work of all threads
+                    failures[place] = error
 
-        return (
-            [*pool.map(run, range(len(every)))] if threads > 1 else [*map(run, range(len(every)))]
-        )
+        helpers = [_helpers().submit(work) for _ in range(min(threads or cores(), len(every)) - 1)]
+        work()  # this thread never waits for a free one, so calls may be nested
+        wait([helper for helper in helpers if not helper.cancel()])
+        if failures:
+            raise failures[min(failures)]  # as in one thread
+    return [results[place] for place in range(len(every))]
+
+
+@cache
+def _helpers() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(max(cores() - 1, 1))
 
 
 def cores() -> int:

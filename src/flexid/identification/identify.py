@@ -13,6 +13,7 @@ import numpy as np
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
 from flexid.identification.estimation.answers import Answer
+from flexid.identification.estimation.doubts import OF_A_LOG
 from flexid.identification.estimation.excitations import row_excitation, row_sizes
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.inputs import answer_with_amplifier
@@ -67,6 +68,9 @@ from flexid.models.physical import Directional, Sum
 from flexid.recording.recording import Caution, Log, Rank, cautions, rank_of, ranked
 from flexid.recording.slow_motion import late_input
 
+# Half-width over the value from which a difference between logs is named. Friction of one drive
+# differs by some per cent from log to log; another payload changes the link's inertia by more.
+_UNLIKE = 0.05
 _TAKEN_AS_RIGID = Caution(
     "the log determines neither an inertia nor the stiffness of a flexible joint, so the drive was "
     "taken as rigid: inertia and friction are those of motor and link together; excite the "
@@ -185,6 +189,7 @@ def _identified(job: Job, logs: Sequence[Log], dropped: Sequence[str]) -> Identi
                 *found.doubts,
                 *bending,
                 *cautions(Rank.MODEL, found.retreat),
+                *cautions(Rank.MODEL, _unlike_logs(numbers.parameters, found)),
                 *cautions(Rank.SCALE, (*numbers.contradicted, *numbers.against)),
                 *amplifier_warnings(amplifier, job.input_unit),
                 *sign_warnings(known_sign, fits.driving),
@@ -295,6 +300,20 @@ def _judge(job: Job, fitted: Fitted) -> Judge:
 def _main_causes(estimate: ValueEstimate, found: Answer) -> dict[str, None]:
     """Return the main causes of the interval widths of a value's coefficients."""
     return dict.fromkeys(found.widest.get(name, "") for name in estimate.slopes)
+
+
+def _unlike_logs(parameters: Mapping[str, ValueEstimate], found: Answer) -> Iterator[str]:
+    """Warn of parameters whose intervals are wide mainly because they differ between the logs."""
+    names = [
+        name
+        for name, each in parameters.items()
+        if OF_A_LOG in _main_causes(each, found) and each.half_width > _UNLIKE * abs(each.value)
+    ]
+    if names:
+        yield (
+            f"the logs differ in {', '.join(names)}, by more than their noise: identify each log "
+            f"alone, or only logs with the same load and at the same temperature"
+        )
 
 
 def _clock_warnings(job: Job, logs: Sequence[Log]) -> Iterator[str]:

@@ -29,10 +29,12 @@ from flexid.identification.estimation.doubts import (
     LINK_STATICS,
     OF_A_BAND,
     OF_A_HALF,
+    OF_A_LOG,
     Doubted,
     Repeat,
     between_bands,
     between_halves,
+    between_logs,
     covariance_of,
     no_errors,
     widened,
@@ -84,10 +86,16 @@ def disturbed_estimate(
         own = Repeat(fitted.values, np.diag(estimate.covariance))
         errors.append((between_bands(own, _in_other_bands(found)), OF_A_BAND))
         errors.append((by_sampling(found, own), "the input may change between its samples"))
-        halves = (replace(band, data=half) for half in band.data.halves())
-        one, other = side_by_side(lambda half: _refit(found, half), halves)
+        parts = [("", half) for half in band.data.halves()]
+        if len({*band.data.groups}) > 1:
+            parts += [(f"[{log + 1}]", data) for log, data in band.data.logs()]
+        one, other, *logs = side_by_side(
+            lambda part: _refit(found, replace(band, data=part[1]), part[0]), parts
+        )
         if one and other:
             errors.append((between_halves(fitted.values, one, other), OF_A_HALF))
+        if len(of_logs := [*filter(None, logs)]) > 1:
+            errors.append((between_logs(fitted.values, of_logs), OF_A_LOG))
     every = [(covariance_of(directions), words) for directions, words in errors]
     return widened(estimate, [*every, (np.broadcast_to(hidden, estimate.covariance.shape), HIDDEN)])
 
@@ -288,16 +296,25 @@ def _in_other_bands(found: Disturbed) -> list[Repeat]:
     return [other for other in others if other is not None]
 
 
-def _refit(found: Disturbed, band: Band) -> Repeat | None:
-    """Fit the structure to another log or in another band; None if that shows nothing."""
+def _refit(found: Disturbed, band: Band, log: str = "") -> Repeat | None:
+    """Fit the structure to other data or in another band; None if that shows nothing.
+
+    `log` is the end of the names that belong to this log alone. Names of other logs keep their
+    value, with an infinite variance.
+    """
     fitted, of_band = found.fitted, band.factor == found.best.band.factor
-    start = fitted.structure, fitted.by_name, found.best.sizes
+    begun = {name.removesuffix(log): value for name, value in fitted.by_name.items()}
     try:
-        other = band.fit(*start, of_band=of_band).fitted
+        other = band.fit(fitted.structure, begun, found.best.sizes, of_band=of_band).fitted
     except ConvergenceError:
         return None
+    names = [name.removesuffix(log) for name in fitted.names]
+    places = [i for i, name in enumerate(names) if not (log and "[" in name)]
     # A channel with a delay beyond the margin has no data to compare.
-    if not (other.names == fitted.names and other.converged and other.has_partners):
+    as_before = other.names == tuple(names[i] for i in places)
+    if not (as_before and other.converged and other.has_partners):
         return None
-    variances = np.maximum(np.diag(other.fit.covariance), other.unit_deviations**2)
-    return Repeat(other.values, variances)
+    values, variances = fitted.values.copy(), np.full(len(names), np.inf)
+    values[places] = other.values
+    variances[places] = np.maximum(np.diag(other.fit.covariance), other.unit_deviations**2)
+    return Repeat(values, variances)

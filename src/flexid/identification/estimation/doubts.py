@@ -261,6 +261,8 @@ LIKE_A_TERM = "an effect that no term describes may look like it"
 OF_A_BAND = "it depends on the frequency band that is fitted"
 HIDDEN = "a removed term may act in its place"
 OF_A_HALF = "the halves of the log disagree"
+OF_A_LOG = "the logs disagree"
+_CLEARLY = 3.0  # standard deviations by which values of two logs hardly differ by chance
 OF_A_LAW = "friction or damping may follow another law"
 
 DOUBTS: Mapping[Doubt, str] = {
@@ -312,6 +314,20 @@ def between_halves(whole: FloatArray, first: Repeat, second: Repeat) -> FloatArr
         share = np.maximum(share, np.minimum(apart, 1.0))
         by_chance = share**2 * variances
     return _beyond_chance(share * difference, by_chance)[:, None]
+
+
+def between_logs(whole: FloatArray, logs: Sequence[Repeat]) -> FloatArray:
+    """Return differences of m logs from the whole, (k,), beyond chance, as directions, (k, m).
+
+    Logs count by their information, so a log of little motion hardly counts. One that clearly
+    differs shows another state of the drive, and counts as much as the others.
+    """
+    values, variances = (np.array(each) for each in zip(*logs, strict=True))
+    information, difference = 1.0 / variances, values - whole
+    differs = difference**2 > _CLEARLY**2 * variances
+    total = np.maximum(information.sum(axis=0), np.finfo(float).tiny)
+    shares = np.where(differs, 1.0 / len(logs), information / total)
+    return (np.sqrt(shares) * _beyond_chance(difference, variances)).T
 
 
 def _beyond_chance(difference: FloatArray, variance: FloatArray) -> FloatArray:

@@ -81,6 +81,12 @@ class Data:
         yield replace(self, samples=tuple(own.window(0, middle) for own, middle in cut))
         yield replace(self, samples=tuple(own.window(middle, len(own)) for own, middle in cut))
 
+    def logs(self) -> Iterator[tuple[int, "Data"]]:
+        """Yield the index of each log, and the data with its recordings alone."""
+        for log in sorted({*self.groups}):
+            own = [s for s, group in zip(self.samples, self.groups, strict=True) if group == log]
+            yield log, replace(self, samples=tuple(own), groups=(log,) * len(own))
+
     def in_part(self, share: float) -> "Data":
         """Return two pieces of each recording, together a share of it."""
         samples = []
