@@ -348,6 +348,20 @@ def test_halves_of_two_drives_widen_the_interval():
         assert abs(estimate.by_name["alpha2"] - mean * PUSHED["alpha2"]) <= half
 
 
+@pytest.mark.parametrize("of_spring", [False, True])
+def test_a_sensor_at_the_joint_shows_nothing_of_the_motor(of_spring: bool):
+    """Assert that the spring's torque as input determines link and spring, but no motor."""
+    right = made(6, motor_coulomb_up=0.5, motor_coulomb_down=0.5)
+    spring = 100.0 * (right.motor_position - right.needed_link_position)
+    noise = 0.02 * np.random.default_rng(8).standard_normal(len(spring))
+    found = identify([log(logged_as(right, spring + noise) if of_spring else right)])
+    assert any("the spring's torque" in str(warning) for warning in found.warnings) == of_spring
+    verdicts = {name: p.verdict for name, p in found.parameters.items() if "link_visc" not in name}
+    motor = {name for name in verdicts if "motor" in name or name == "total_inertia"}
+    assert motor == {n for n in verdicts if (verdicts[n] == "undetermined") == of_spring} & motor
+    assert_holds(found, {"joint_stiffness": 100.0, "link_inertia": 1.0}, width=0.3)
+
+
 @pytest.mark.parametrize("payload", [0.0, 0.4])
 def test_logs_with_another_payload_are_named(payload: float):
     """Assert that the interval contains both inertias, and that a warning names the parameter."""

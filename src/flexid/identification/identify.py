@@ -66,11 +66,17 @@ from flexid.models.flexible_joint import POSITIVE, SMOOTHING
 from flexid.models.motion import unit_of
 from flexid.models.physical import Directional, Sum
 from flexid.recording.recording import Caution, Log, Rank, cautions, rank_of, ranked
-from flexid.recording.slow_motion import late_input
+from flexid.recording.slow_motion import is_of_the_spring, late_input
 
 # Half-width over the value from which a difference between logs is named. Friction of one drive
 # differs by some per cent from log to log; another payload changes the link's inertia by more.
 _UNLIKE = 0.05
+_SPRING_SENSOR = Caution(
+    "the input is the spring's torque, as from a sensor at the joint, so it shows neither inertia "
+    "nor friction of the motor: log the motor's torque, current or voltage; without this column, "
+    "the link's ratios are known better",
+    Rank.MODEL,
+)
 _TAKEN_AS_RIGID = Caution(
     "the log determines neither an inertia nor the stiffness of a flexible joint, so the drive was "
     "taken as rigid: inertia and friction are those of motor and link together; excite the "
@@ -194,7 +200,7 @@ def _identified(job: Job, logs: Sequence[Log], dropped: Sequence[str]) -> Identi
                 *amplifier_warnings(amplifier, job.input_unit),
                 *sign_warnings(known_sign, fits.driving),
                 *(one_way_warnings(fits.one_way) if exact else ()),
-                *division_warnings(numbers.parameters),
+                *(numbers.without_motor or division_warnings(numbers.parameters)),
                 *model_warnings(
                     fits.error, job.joint.kind, numbers.widest, found.disturbances, thresholds
                 ),
@@ -245,6 +251,7 @@ class _Numbers(NamedTuple):
     contradicted: tuple[str, ...]
     against: tuple[str, ...]
     widest: float
+    without_motor: tuple[Caution, ...]
 
 
 def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
@@ -272,6 +279,9 @@ def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
         joined = replace(joined, estimate=without_unused_link(joined.estimate, remaining))
     against = contradicted[0] if contradicted else "" if reported.converged else _NOT_CONVERGED
     half = widest(coefficients, sizes)
+    two_sided = job.joint.kind == "flexible"
+    of_spring = two_sided and all(map(is_of_the_spring, job.recordings.recorded))
+    without_motor = (_SPRING_SENSOR,) * of_spring
 
     def with_unknown(values: Mapping[str, ValueEstimate]) -> dict[str, ValueEstimate]:
         """Mark values as unknown after a contradiction, or if the log shows no spring."""
@@ -279,6 +289,9 @@ def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
         if found.doubts:
             spring = (name for name, e in values.items() if found.doubted & e.slopes.keys())
             lost |= dict.fromkeys(spring, str(found.doubts[0]))
+        if without_motor:
+            motor = (name for name in values if "motor" in name or name == "total_inertia")
+            lost |= dict.fromkeys(motor, "the input is the spring's torque")
         return {n: e.unknown(lost[n]) if n in lost else e for n, e in values.items()}
 
     return _Numbers(
@@ -288,6 +301,7 @@ def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
         contradicted,
         joined.against,
         half,
+        without_motor,
     )
 
 
