@@ -194,6 +194,17 @@ def test_sides_that_swing_in_two_modes_follow_each_other(swaps: bool, told: bool
     assert any("hardly follow" in warning for warning in found.warnings) == told
 
 
+@pytest.mark.parametrize("factor", [1.0, -1.0, 180.0 / np.pi, -180.0 / np.pi])
+def test_a_deflection_in_degrees(factor: float):
+    """Assert a warning of a deflection in degrees without a unit, with either sign."""
+    columns = simulated(0.05)
+    bent = factor * (columns.pop(LINK) - columns[MOTOR])
+    del columns[LINK_SPEED], columns[MOTOR_SPEED]
+    log = read_columns({**columns, "deflection": bent})
+    named = ["as if these were degrees" in warning for warning in log.warnings]
+    assert sum(named) == (abs(factor) > 1.0)
+
+
 LATE = {25: "-0.05", -51: "0.102", 10: ""}  # by delay in samples
 BEGINNING = CLEAN[TORQUE] * (np.arange(COUNT) < 50)
 

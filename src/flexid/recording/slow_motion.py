@@ -68,7 +68,7 @@ def check_motion(log: Draft, recording: Recording, *, alone: bool) -> None:
     The scales of a prismatic joint are tested only if it is `alone`: in an arm, gravity along it
     varies with the angles of other joints.
     """
-    place, wrong = log.those_of(ENCODERS), _wrong_unit(recording)
+    place, wrong = log.those_of(ENCODERS), _wrong_unit(recording) or _wrong_deflection(recording)
     known = alone or recording.joint == "revolute"
     share, error = scales_apart(recording) if known and not wrong else (0.0, 0.0)
     if wrong:
@@ -115,6 +115,27 @@ def _wrong_unit(recording: Recording) -> str:
                 f"the angle moves by {np.ptp(sensed):.3g} rad as read, but gravity shows "
                 f"{words}: check the unit"
             )
+    return ""
+
+
+def _wrong_deflection(recording: Recording) -> str:
+    """Text of a warning if the link moves as if its deflection were in degrees; else empty."""
+    smoothed = smoothing(recording)
+    if smoothed is None or not recording.link_from_deflection or recording.joint == "prismatic":
+        return ""
+    bent, motor = recording.deflection, recording.motor_position
+
+    def left(factor: float) -> float:
+        link = motor + factor * bent
+        own = [smoothed(link, 2), *_resistance(recording, smoothed, link)]
+        return left_over(smoothed(bent), own)
+
+    # Its sign may be wrong, too, which shows only in the right unit.
+    if min(left(1.0 / _DEGREES), left(-1.0 / _DEGREES)) < _FITS_BETTER * min(left(1.0), left(-1.0)):
+        return (
+            f"the deflection moves by {np.ptp(bent):.3g} rad as read, but the link as if these "
+            f"were degrees: check the unit of the deflection"
+        )
     return ""
 
 
