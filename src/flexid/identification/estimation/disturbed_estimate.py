@@ -115,11 +115,12 @@ def by_sampling(found: Disturbed, own: Repeat) -> FloatArray:
     A controller that is faster than the log answers a step with a torque that the log shows only in
     part. If every other sample of the input is interpolated, such an error about doubles.
     """
+    if found.fitted.structure.joint.kind == "link":
+        return no_errors(found.fitted)
+    # Imported late: it is slow, and few logs need it.
     from scipy.interpolate import CubicSpline
 
     band, samples = found.best.band, []
-    if found.fitted.structure.joint.kind == "link":
-        return no_errors(found.fitted)
     for recording in band.data.samples:
         places = np.arange(len(recording.inputs))
         inputs = CubicSpline(places[::2], recording.inputs[::2])(places)
