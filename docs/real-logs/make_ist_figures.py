@@ -30,7 +30,7 @@ from flexid.report.terminal import print_parts
 
 ROOT = Path(__file__).parents[2]
 ASSETS = ROOT / "docs" / "assets"
-SHARE = 0.5  # of the log that is kept out
+SHARE = 1 / 3  # of the log that is kept out
 RATES = (7.1, 14.1, 28.3, 56.6)  # 1/s, of the filter of least squares
 TERMS = ("motor_viscous", "link_offset", "motor_offset")  # without dry friction
 Values = Mapping[str, float]
@@ -71,7 +71,7 @@ def ways(result: Identification, log: Log, part: Recording) -> dict[str, Values]
         way = f"{float(f'{fitted.duration:.1g}'):g} s"
         found[way] = fitted.by_name
         fit = format_fits(validate(fitted, whole, recordings.starts).fit_percent)
-        print(f"    {way}: residuals² {fitted.excess:.3g} of noise; over the second half {fit}")
+        print(f"    {way}: residuals² {fitted.excess:.3g} of noise; over held-out data {fit}")
     return found
 
 

@@ -63,12 +63,12 @@ class Reader:
 
     def _type(self, block: Block) -> None:
         """Run the commands of a console, each of which may be followed by its output."""
-        for line, command, shown in _commands(block):
+        for line, command, shown in commands(block):
             if command == "echo $?":
                 printed, self.status = f"{self.status}\n", 0
             else:
                 self._leave(line)
-                self.status, printed = _command(command)
+                self.status, printed = command_output(command)
             if shown:
                 self._compare(line, shown, printed)
             if self.status and not shown:
@@ -107,7 +107,7 @@ def run_page(page: str, found: list[Block], folder: Path) -> None:
             reader.follow(block)
 
 
-def _commands(block: Block) -> Iterator[tuple[int, str, str]]:
+def commands(block: Block) -> Iterator[tuple[int, str, str]]:
     """Yield line, command and shown output of each command of a console."""
     command, shown, start = "", "", 0
     lines = enumerate(block.text.splitlines(), start=block.line)
@@ -124,7 +124,7 @@ def _commands(block: Block) -> Iterator[tuple[int, str, str]]:
         yield start, command, shown
 
 
-def _command(command: str) -> tuple[int, str]:
+def command_output(command: str) -> tuple[int, str]:
     """Run a command; return its exit status and what it printed."""
     words = shlex.split(command, comments=True)
     if words[0] == "flexid" and _SHELL.isdisjoint(words):
