@@ -6,6 +6,7 @@
 import re
 from importlib import import_module
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 __version__ = "0.1.0"
@@ -25,6 +26,8 @@ def __getattr__(name: str) -> Any:
         # Python appends a similar name to the message, if there is one.
         raise AttributeError(f"flexid has no {name!r}", name=name, obj=import_module(__name__))
     value = getattr(import_module(f"{__name__}.{home}"), name)
+    if isinstance(value, FunctionType) and not hasattr(value, "__wrapped__"):  # of a lower package
+        value = import_module(f"{__name__}.library.arguments").entrance(value)
     globals()[name] = value
     return value
 

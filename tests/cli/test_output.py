@@ -46,12 +46,19 @@ def test_full_disk_is_one_sentence():
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a shell that closes streams")
-@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
-def test_a_closed_stream_is_no_defect(closed: str):
-    """Assert that a command works with a closed stream."""
+@pytest.mark.parametrize(
+    ("closed", "status", "says"),
+    [
+        (">&-", 2, "flexid: the output cannot be written (it is closed): make room, or write "),
+        ("2>&-", 0, ""),
+        ("<&- >&- 2>&-", 2, ""),
+    ],
+)
+def test_a_closed_stream_is_no_defect(closed: str, status: int, says: str):
+    """Assert that a command works with a closed stream, and that a lost result is an error."""
     command = f'"{sys.executable}" -m flexid derive flexible-joint {closed}'
     done = subprocess.run(command, shell=True, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, done.stderr.partition("elsewhere")[0]) == (status, says)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="limits of processes")
@@ -76,8 +83,10 @@ def test_what_fails_does_not_keep_the_rest(tmp_path, failing):
     """Assert that files are written if printing fails, and the reverse."""
     answer = Mock(warnings=(), _parts=Mock(return_value=[]))
     getattr(answer, failing).side_effect = OSError("no room")
+    command = Mock(call=Mock(return_value=answer), doing="", more="")
     with pytest.raises(OSError, match="no room"):
-        generated.hand_over(answer, {"json": False, "out": tmp_path}, tmp_path, Console(), "")
+        generated.present(command, {}, {"json": False, "out": tmp_path / "results"})
+    assert (tmp_path / "results").exists() == (failing == "_parts")
     answer._parts.assert_called_once()
     answer._write_files.assert_called_once()
 

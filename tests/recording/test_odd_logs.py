@@ -76,6 +76,7 @@ IN_DEGREES = {
 }
 GERMAN = headed("Zeit [s],Winkel Abtrieb [°],Winkel Motor [°],Drehmoment [Nm]", DEGREES)
 PARTS = "time,link_position [0.01 deg],motor_position [1e-2 deg],motor_torque"
+LINK = COLUMNS["link_position"]
 READ: dict[str, str | bytes] = {
     **{name: headed(header) for name, header in HEADERS.items()},
     **{name: headed(header, DEGREES) for name, header in IN_DEGREES.items()},
@@ -87,6 +88,9 @@ READ: dict[str, str | bytes] = {
     "rows of empty cells at the end": f"{TEXT},,,\n;;;\n",
     "UTF-16 without a mark": TEXT.encode("utf-16-le"),
     "UTF-16 of the other order": TEXT.encode("utf-16-be"),
+    "GB 2312": headed("时间(s),负载角度(deg),电机角度(deg),转矩(Nm)", DEGREES).encode("gb2312"),
+    "Shift-JIS": headed("時間,リンク角度[deg],モーター角度[deg],トルク", DEGREES).encode("cp932"),
+    "Latin-1": headed(f"{HEADER} [Nm],Größe [°]", COLUMNS | {"size": LINK}).encode("latin-1"),
 }
 
 
@@ -199,8 +203,13 @@ def some(places: Any, columns: Columns = COLUMNS, **changed: Any) -> dict[str, A
     return {name: values[places] for name, values in columns.items()} | changed
 
 
+def marked(name: str, value: float) -> FloatArray:
+    """Return a column with five samples of a value."""
+    return np.where(np.arange(400) % 90 == 3, value, COLUMNS[name])
+
+
+MARKS = {"motor_torque": -999.0, "link_position": 32768.0, "motor_position": 99.99}
 EVERY = np.arange(400)
-LINK = COLUMNS["link_position"]
 TICKS = np.rint(1e3 * COLUMNS["time"]).astype(np.int64)
 WRAPPED = (TICKS - TICKS[150]) % 2**16
 RANDOM = np.random.default_rng(1).random(400) < 0.2
@@ -214,6 +223,9 @@ WINDOWS = SINCE_1970 // 100 + 116_444_736 * 10**9
 STATED = {f"a sample time of {bad!r}"[:30]: bad for bad in (0.9, 10**400, "fast")}
 IN_MEMORY: dict[str, dict[str, Any]] = {
     "a counter that overflows": {**NO_TIME, "time [ms]": WRAPPED},
+    "one of 32 bits, in seconds": {**NO_TIME, "time": (TICKS - TICKS[150]) % 2**32 / 1e3},
+    "marks of missing values": {**COLUMNS, **{n: marked(n, v) for n, v in MARKS.items()}},
+    "pulses as high as a mark": {**COLUMNS, "motor_torque": 999.0 * (EVERY // 10 % 2)},
     "a clock that runs back": {**NO_TIME, "time [ms]": -TICKS},
     "few holes": without_values(link_position=[0, 399], motor_torque=100),
     "holes at random": without_values(link_position=RANDOM, motor_torque=100),

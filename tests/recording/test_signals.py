@@ -141,6 +141,12 @@ def half(form: str) -> Write:
     )
 
 
+def timeseries(of_torque: Any = TIME) -> dict[str, Any]:
+    """Return the log as structs with a time each, as Simulink exports them."""
+    times = {"motor_position": TIME, "link_position": TIME, "motor_torque": of_torque}
+    return {"out": {name: {"Time": t, "Data": COLUMNS[name]} for name, t in times.items()}}
+
+
 def promising(count: int) -> Write:
     """Return a function that writes a page with a wrong count, which crashes Polars."""
     value = (count << 1) ^ (count >> 63)  # encoding of Thrift
@@ -179,6 +185,8 @@ FILES: dict[str, tuple[str, Callable[[Path], object]]] = {
     "a matrix": ("a.mat", lambda p: savemat(p, {"t": TIME, "q": BOTH, "s": STRUCTS})),
     "its columns": ("a.mat", lambda p: savemat(p, {"t": TIME, "q": BOTH, "s": {"tau": 3 * MOTOR}})),
     "one of MATLAB 7.3": ("a.mat", lambda p: matlab_73(p, {"t": TIME, "q": BOTH.T})),
+    "timeseries of one time": ("a.mat", lambda p: savemat(p, timeseries())),
+    "timeseries of two times": ("a.mat", lambda p: savemat(p, timeseries(0.5 * TIME))),
     "another length": ("a.mat", lambda p: savemat(p, {**COLUMNS, "motor_torque": INPUT[:50]})),
     "no signals": ("a.mat", lambda p: savemat(p, {"note": "hello", "gain": 3.0})),
     **{f"type {kind}": ("a.mat", of_type(kind)) for kind in (0, 2**31 - 1)},

@@ -59,24 +59,19 @@ def output(out: Path | None) -> AbstractContextManager[Path | None]:
 
 def hand_over(
     answer: "Answer", flags: Mapping[str, Any], files: Path | None, errors: "Console", rest: str
-) -> None:
-    """Print a result and write its files, then raise the first `OSError`, if any."""
-
-    def write() -> None:
-        if files is not None:
-            answer._write_files(files, as_typed(), csv=flags.get("csv", False))
-
+) -> OSError | None:
+    """Print a result and write its files; return the error of printing, if any."""
     print_warnings(answer.warnings, errors, rest)
-    failures = []
-    for step in (lambda: _print_answer(answer, flags), write):
-        try:
-            step()
-        except BrokenPipeError:  # the reader of the output, such as head, has closed it
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        except OSError as error:
-            failures.append(error)
-    if failures:
-        raise failures[0]
+    failure = None
+    try:
+        _print_answer(answer, flags)
+    except BrokenPipeError:  # the reader of the output, such as head, has closed it
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        failure = error
+    if files is not None:
+        answer._write_files(files, as_typed(), csv=flags.get("csv", False))
+    return failure
 
 
 def _print_answer(answer: "Answer", flags: Mapping[str, Any]) -> None:
@@ -116,13 +111,20 @@ def print_warnings(warnings: Sequence[str], errors: "Console", rest: str = "") -
         errors.print(more, style="yellow", markup=False, soft_wrap=True)
 
 
+class _Closed(io.TextIOBase):
+    """Standard output that is closed, so that nobody would receive a result."""
+
+    def write(self, _text: str) -> int:
+        raise OSError("it is closed")
+
+
 def open_what_is_closed() -> None:
     """Open closed standard streams on the null device, so that no file gets their number."""
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:  # os.open takes the lowest free number
         pass
     os.close(number)
     if sys.stdout is None:
-        sys.stdout = open(1, "w", closefd=False)  # noqa: SIM115 - it stays open
+        sys.stdout = _Closed()
     if sys.stderr is None:
         sys.stderr = open(2, "w", closefd=False)  # noqa: SIM115 - it stays open
 
@@ -236,7 +238,9 @@ def present(
             answer = work(progress) if work else command.call(options, progress)
         rest = "" if flags.get("explain") else "--json" if work else command.more
         with working(errors, "drawing" if files else ""):
-            hand_over(answer, flags, files, errors, rest)
+            failure = hand_over(answer, flags, files, errors, rest)
+    if failure is not None:  # after the files are in their place
+        raise failure
     if not command.done(answer, flags):
         raise click.exceptions.Exit(ExitStatus.LACKING)
 

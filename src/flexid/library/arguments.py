@@ -74,7 +74,9 @@ def entrance(function: Callable[P, R]) -> Callable[P, R]:
 
 def _as_declared(parameter: inspect.Parameter, value: Any) -> Any:
     """Return a value converted to the declared type of its parameter."""
-    declared = str(parameter.annotation)
+    declared = parameter.annotation
+    if not isinstance(declared, str):  # of a module that evaluates its annotations
+        declared = re.sub(r"[\w.]*\.", "", inspect.formatannotation(declared))
     kind = declared.removesuffix(" | None")
     if value is None and (kind != declared or parameter.default is None):
         return None
@@ -224,7 +226,7 @@ def _names(value: Any) -> tuple[str, ...]:
     names = tuple(value) if isinstance(value, Iterable) else (value,)
     wrong = [name for name in names if not isinstance(name, str)]
     if wrong:
-        raise _UnfitError(f"contains {kind_of(wrong[0])}: give names such as ['gravity'] or 'auto'")
+        raise _UnfitError(f"contains {kind_of(wrong[0])}: give names such as ['gravity']")
     return tuple(dict.fromkeys(names))
 
 
@@ -275,10 +277,11 @@ _CONVERTED: Mapping[str, Callable[[Any], Any]] = {
     "AutoModel": _model,
     "AutoNumber": _auto_number,
     "Bounds": partial(_by_name, example=_RANGES, convert=_ends),
+    "Collection[str]": _names,
     "Iterable[str]": _names,
     "Known": partial(_by_name, example=_VALUES, convert=_uncertain),
     "Logs": _logs,
-    "Mapping[str, float]": partial(_by_name, example="{'controller.k': 30.0}"),
+    "Mapping[str, float]": partial(_by_name, example="{'name': 30.0}"),
     "OneLog": _log,
     "Terms": _terms,
 }
@@ -291,6 +294,8 @@ _TYPES: Mapping[str, tuple[Any, str]] = {
     "Columns": ((*_PATH, Mapping), "the path of a column map, or a mapping of channels to columns"),
     "FilePath": (_PATH, "a path"),
     "Mapping[str, Any]": (Mapping, "the content of an estimate.json"),
+    "ParametricSystem": ((), "a model such as flexid.flexible_joint()"),
+    "Path": (_PATH, "a path"),
     "Progress": (Callable, "a function, such as print"),
     "Thresholds": ((), "a flexid.Thresholds"),
     "float": (Real, "a number"),

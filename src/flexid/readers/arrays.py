@@ -1,5 +1,6 @@
 """Arrays of a file as signals (vectors and columns of matrices), and the reader of NumPy files."""
 
+import re
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import TypeAlias
@@ -70,7 +71,12 @@ class Arrays:
             self._found[name] = series, values, tuple(where)
 
     def contents(self) -> Contents:
-        """Return all signals."""
+        """Return all signals, of which the times that equal the first one are marked."""
+        times = [path for path in self._found if re.split("[./]", path)[-1].lower() == "time"]
+        for other in times[1:]:
+            (_, values, where), (series, own, at) = self._found[times[0]], self._found[other]
+            if np.array_equal(values(where), own(at)):
+                self._found[other] = series._replace(is_twin=True), own, at
         return Contents([series for series, *_ in self._found.values()], self._read, self.others)
 
     def _read(self, paths: Collection[str], size: int) -> Iterator[Frame]:

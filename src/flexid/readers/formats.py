@@ -26,6 +26,7 @@ class Series(NamedTuple):
     length: int
     unit: str = ""  # as the file states it
     clock: str = ""  # name of the clock of its time stamps; empty if the time is a signal
+    is_twin: bool = False  # whether another time of the file is equal, as each timeseries has one
 
 
 @dataclass(frozen=True, eq=False)

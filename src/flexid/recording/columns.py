@@ -348,7 +348,7 @@ def _likely(missing: Iterable[str], columns: Collection[str]) -> Iterator[tuple[
             # In "voltage q" the q denotes an axis, not a position. A filtered position without a
             # side may be the motor's.
             others = {"torque", "current", "voltage"} - {kind}
-            others |= {"motor", "filtered"} if name == "link_position" else set()
+            others |= {"motor", "filtered"} if name == "link_position" else {"link"}
             if others.isdisjoint(words.kinds):
                 yield name, header
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
@@ -24,6 +25,7 @@ from flexid.recording.sampling import (
     Grid,
     are_gaps,
     count_on,
+    count_over,
     drop_repeats,
     even_grid,
     interpolated,
@@ -33,6 +35,10 @@ from flexid.recording.slow_motion import are_opposed, check_motion, correct_sign
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
 from flexid.recording.velocities import integral, is_used
+
+# Numbers that programs write where a value is missing: nines, and limits of integers.
+_NINES = re.compile(r"-?99\.?9[.9]*")
+_LIMITS = np.array([2**15 - 1, 2**15, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1], dtype=np.float64)
 
 
 def read_log(path: Path, columns: MapSource | None = None) -> Log:
@@ -86,6 +92,8 @@ def _draft_of(table: Table, columns: MapSource | None, number: str) -> Draft:
     channels, warnings = read_channels(table, columns)
     log = Draft(table.file, channels, number, [*dict.fromkeys(table.warnings + warnings)])
     checks.check_magnitude(log)
+    drop_marks(log)
+    count_over(log)
     count_on(log)
     drop_repeats(log, table)
     drop_holes(log)
@@ -112,6 +120,28 @@ def integrate_velocities(log: Draft) -> None:
             f"constant, and a bias makes it drift: subtract the bias by an offset in a column map",
         )
         del log.channels[name]
+
+
+def drop_marks(log: Draft) -> None:
+    """Make holes of numbers that mark missing values, such as -999 far from all others."""
+    for name in log.names:
+        origin = log.channels[name].origin
+        for end in (np.min, np.max):
+            values = log[name]
+            known = values[np.isfinite(values)]
+            mark = end(known) if len(known) else np.nan
+            rest = known[known != mark]
+            if not len(rest) or not 0.0 < np.ptp(rest) < np.abs(rest - mark).min():
+                continue
+            raw = float((mark - origin.offset) / origin.factor)
+            if _NINES.fullmatch(f"{raw:.6g}") or np.isclose(abs(raw), _LIMITS, rtol=1e-9).any():
+                log.warn(
+                    name,
+                    f"{raw:.9g} ({len(known) - len(rest)} times) is far from all other values and "
+                    f"was taken for a missing value: leave such cells empty",
+                    Rank.DATA,
+                )
+                log[name] = np.where(values == mark, np.nan, values)
 
 
 def drop_holes(log: Draft) -> None:

@@ -260,7 +260,7 @@ class Recording:
     Raises
     ------
     RecordingError
-        If the channels differ in length.
+        If the channels differ in length, or if a value is not finite.
     """
 
     sample_time: float
@@ -285,6 +285,9 @@ class Recording:
                     f"the channel has shape {values.shape} where the motor's position has "
                     f"{self.motor_position.shape}: give every channel one value per sample",
                 )
+            if values is not None and not np.isfinite(values).all():
+                reason = "a value is not finite: remove that sample, or read the arrays by read_log"
+                raise self._refusal(name, reason)
 
     def __len__(self) -> int:
         return int(self.motor_position.shape[0])

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from functools import reduce
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +34,8 @@ _OF_STAMPS = (
 ROUNDED = 1.05  # range of the rounding error in last digits: 1, and the error of the fitted line
 _NEAR_FIRST = 0.1  # of the shortest part: distance from the first time at which the time restarts
 _PAUSE = 10.0  # sample times between the end of a part and a restart of the time
+_COUNTERS = {16: 2.0**16, 32: 2.0**32}  # range in ticks, by the bits of a counter
+_TICKS = (1e-3, 1e-6)  # s, of a counter whose times are written in s
 _UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # in s
 _SLOW = 0.05  # s, of a sample time that may be in another unit: 0.1 ms read as s are 0.1 s
 _MOST_PER_DIGIT = 4.0  # samples with the same time; with more the line is too uncertain
@@ -45,6 +47,24 @@ class Grid(NamedTuple):
     sample_time: float  # common to all recordings, in s
     recordings: tuple[slice, ...]  # the samples of each
     resample: bool = False  # whether stamps deviate from the even grid by more than rounding
+
+
+def count_over(log: Draft) -> None:
+    """Let the time of a counter that overflows go on, with a warning."""
+    steps = np.diff(log.time)
+    falls = np.flatnonzero(steps < 0.0)
+    ticks = dict.fromkeys((log.channels["time"].origin.factor, *_TICKS))
+    for bits, tick in product(_COUNTERS, ticks) if len(falls) else ():
+        span = _COUNTERS[bits] * tick
+        passed = steps[falls] + span
+        if np.all((passed > 0.0) & (passed < WIDE_GAP * np.median(steps))):
+            log.warn(
+                "time",
+                f"it is a counter of {bits} bits that overflows (after {log.at(falls)}), so it was "
+                f"counted on: log it with {2 * bits} bits",
+            )
+            log["time"] = log.time + span * np.cumsum(np.append(False, steps < 0.0))
+            return
 
 
 def count_on(log: Draft) -> None:

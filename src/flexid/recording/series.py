@@ -51,8 +51,8 @@ def names_of(reading: Reading) -> Table:
         known = {path: kind if kind in _TEMPORAL else "Float64" for path, kind in kinds.items()}
         frame = pl.DataFrame(schema={path: getattr(pl, kind) for path, kind in known.items()})
         return Table(file, frame, reading.sha256)
-    short = shortest_ends(map(_header_of, series))
-    headers = list(short)
+    headers = [*map(_header_of, series)]
+    short = shortest_ends(_header_of(one) for one in series if not one.is_twin)
     if _is_clocked(reading):  # the clocks are the time, so a signal named time is not
         for header, end in short.items():
             if folded(split_header(end)[0]) == "time":

@@ -8,6 +8,7 @@ import os
 import re
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -64,7 +65,7 @@ def read_table(path: Path) -> Table:
 
 
 def read_text(file: str, raw: bytes) -> Table:
-    """Return a text in UTF-8, UTF-16 or Latin-1 as columns of text."""
+    """Return a text in any of the usual encodings as columns of text."""
     text = as_utf_8(file, raw)
     layout = layout_of(file, text)
     body = _rows(text[layout.start :])
@@ -200,9 +201,22 @@ def as_utf_8(file: str, raw: bytes) -> bytes:
         try:
             text.decode("utf-8")
         except UnicodeDecodeError:
-            text = text.decode("latin-1").encode("utf-8")
+            text = _of_code_page(text).encode("utf-8")
         text = text.replace(MINUS, b"-")
     return text if b"\n" in text else text.replace(b"\r", b"\n")
+
+
+_CODE_PAGES = {"gb2312": rb"[\xa1-\xfe]{4}", "cp932": rb"\x83"}
+"""Codecs of Chinese and Japanese texts, with bytes that texts in Latin-1 lack."""
+
+
+def _of_code_page(text: bytes) -> str:
+    """Return a text that is not UTF-8: of a Chinese or Japanese code page, or else Latin-1."""
+    for codec, tell in _CODE_PAGES.items():
+        with suppress(UnicodeDecodeError):
+            if re.search(tell, text):
+                return text.decode(codec)
+    return text.decode("latin-1")
 
 
 def _utf_16(raw: bytes) -> str:
