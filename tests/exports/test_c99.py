@@ -291,6 +291,9 @@ def test_a_log_of_another_input_is_refused(tmp_path):
     current = log.rename({"motor_torque [N m]": "motor_current [A]"})
     with pytest.raises(SettingError, match="input in A, and the estimate was made with one in N m"):
         flexid.export(estimate, to="c99", out=tmp_path / "drive", log=current)
-    written = flexid.export(estimate, to="c99", out=tmp_path / "drive", log=log)
     names = ["README.md", "example_main.c", "flexid_drive.c", "flexid_drive.h", "test_vector.h"]
-    assert [path.name for path in written.paths] == names
+    alone = log.drop("motor_torque [N m]")  # as the log of an estimate of the link alone
+    for own in (log, alone):
+        found = estimate if own is log else flexid.identify(alone, terms=["gravity"])
+        written = flexid.export(found, to="c99", out=tmp_path / "drive", log=own)
+        assert [path.name for path in written.paths] == names

@@ -73,7 +73,7 @@ def widths(half: float, apart: float = 0.0, value: float = 100.0):
         ({"contradicted": "a has changed", "settled": 39.0}, Health.CONVERGED, ""),
         ({"contradicted": "a", "changed": "b", "widths": widths(21.0)}, Health.INCONSISTENT, "b"),
         ({"determined": False, "settled": 39.0}, Health.CONVERGING, "too few samples"),
-        ({"determined": False, "settled": 41.0}, Health.NOT_EXCITED, "does not separate"),
+        ({"determined": False, "settled": 41.0}, Health.NOT_EXCITED, "check the gear ratio"),
         ({"changed": "it moves otherwise"}, Health.CONVERGED, ""),
         ({"changed": "it did", "widths": widths(50.0)}, Health.INCONSISTENT, "it did"),
         ({"changed": "it did", "determined": False}, Health.INCONSISTENT, "it did"),

@@ -33,7 +33,7 @@ def watch(command: Command, options: Options, flags: Options) -> None:
     from flexid.report.terminal import print_parts
 
     if "source" not in options:
-        raise SettingError("SOURCE", "is missing: name a file, - or an address")
+        raise SettingError("SOURCE", "is missing: name a file, or - for standard input")
     watched: Watch = command.function(**options)
     with output(flags["out"]) as files, _interruptions() as signals:
         failure = None

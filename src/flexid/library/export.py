@@ -229,16 +229,20 @@ def _estimator_settings(
 
 def _longest(log: Any, columns: Any, request: ExportRequest) -> Samples:
     """Return samples of a log's longest recording; raise if its input has another unit."""
+    from flexid.estimators.samples import samples_of_recording
     from flexid.library.logs import read_log, samples
 
     read = read_log(log, columns=columns)
-    unit = read.recordings[0].input_unit
-    if request.identification is not None and request.identification.model != "link":
+    if request.identification is None:
+        return max(samples(read), key=len)
+    unit, kind = read.recordings[0].input_unit, request.identification.model
+    if kind != "link":
         (known,) = {request.units[name] for name in request.system.inputs}
         if unit != known:
+            found = f"an input in {unit}" if unit else "no input"
             raise SettingError(
                 "log",
-                f"has an input in {unit or 'no unit'}, and the estimate was made with one in "
-                f"{known}: give a log of the same input",
+                f"has {found}, and the estimate was made with one in {known}: give a log of the "
+                f"same input",
             )
-    return max(samples(read), key=len)
+    return max((samples_of_recording(part, kind) for part in read.recordings), key=len)

@@ -131,7 +131,8 @@ def judge(evidence: Evidence) -> Judgement:
         confused = " and ".join(evidence.open_direction) or widest.name
         return Judgement(
             Health.NOT_EXCITED,
-            f"the motion so far does not separate {confused}: move more, or differently",
+            f"the motion so far does not separate {confused}: move more, or differently; if that "
+            f"does not help, check the gear ratio and the units",
         )
     apart = max(evidence.widths, key=_relative_disagreement)
     if patient and _relative_disagreement(apart) > LIMITS.disagreement:
