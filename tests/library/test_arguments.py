@@ -157,6 +157,8 @@ WRONG = {
     "delay": call("identify", "a.csv", input_delay="late"),
     "a model's terms": call("flexible_joint", 3),
     "a model's velocity": call("flexible_joint", coulomb_velocity="slow"),
+    "a threshold": call("Thresholds", determined_width="wide"),
+    "a huge number": call("simulate", "a.toml", set={"plant.link_inertia": 10**400}),
     "a model by its name": call("recursive_least_squares", "flexible-joint", 1e-3),
     "columns": call("identify", "a.csv", columns=["t"]),
     "empty path": call("identify", ""),

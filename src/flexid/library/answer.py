@@ -119,8 +119,8 @@ class Answer:
         charts = {chart.name: chart for chart in self._drawn}
         name = name or next(iter(charts), "")
         if name not in charts:
-            known = ", ".join(charts) or "none"
-            raise SettingError("plot", f"there is no figure {name!r}: give one of {known}")
+            known = f"give one of {', '.join(charts)}" if charts else "this result has none"
+            raise SettingError("plot", f"there is no figure {name!r}: {known}")
         return draw(charts[name], ax=ax)
 
     @entrance

@@ -195,7 +195,10 @@ def _model(value: Any) -> str:
 
 def _number(value: Any, part: str = "") -> float:
     _check(value, Real, "a number", part)
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError:
+        raise _UnfitError("is too large: give a number below 1e308", part) from None
 
 
 def _auto_number(value: Any) -> Any:

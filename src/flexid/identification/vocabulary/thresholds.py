@@ -1,7 +1,10 @@
 """Thresholds of an identification, each with its unit and reason."""
 
 from dataclasses import dataclass, field, fields
+from numbers import Real
 from typing import Any
+
+from flexid.errors import SettingError
 
 
 def _threshold(value: float, unit: str, reason: str) -> Any:
@@ -140,6 +143,12 @@ class Thresholds:
         "standard deviations",
         "between log and prior knowledge, above which they contradict each other",
     )
+
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if isinstance(value, bool) or not isinstance(value, Real) or not value > 0.0:
+                raise SettingError(one.name, f"must be a number above 0, got {value!r}")
 
     def noise_floor(self, shortest: float) -> float:
         """Return the excess that counts as noise: the excess over the shortest segments, clipped.
