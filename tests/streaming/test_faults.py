@@ -252,8 +252,16 @@ RESTING[:, [LINK, MOTOR]] += 1e-4 * np.random.default_rng(3).standard_normal((40
             Health.SENSOR_FAULT,
             ["not finite or too large"],
         ),
+        (np.delete(stream(), slice(5, None, 6), axis=0), Health.NOT_EXCITED, ["send every"]),
+        (np.delete(stream(), -2, axis=0), Health.CONVERGED, ["known within"]),
     ],
-    ids=["a drive that stands still", "a torque of the wrong sign", "every third lost"],
+    ids=[
+        "a drive that stands still",
+        "a torque of the wrong sign",
+        "every third lost",
+        "every sixth lost",
+        "the last but one lost",
+    ],
 )
 def test_what_the_health_says(samples, health: Health, words: list[str]):
     """Assert that each fault has its state, and a reason with the item to check."""

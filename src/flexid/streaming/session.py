@@ -1,6 +1,7 @@
 """Online estimation from a stream; the result does not depend on how it is cut into blocks."""
 
 from dataclasses import dataclass, field, replace
+from math import inf
 
 import numpy as np
 
@@ -137,7 +138,8 @@ class Session:
         elif len(rows):
             states, history = self.learner.learn(self.now.states, rows)
             self.recent.add(history.innovations)
-            status = history.status[history.status != Status.REJECTED]
+            # The first samples after a gap give no equation yet.
+            status = history.status[np.isfinite(history.innovations).all(axis=1)]
             determined = bool(status[-1] == Status.USED) if len(status) else self.now.determined
             self.now = replace(self.now, states=states, determined=determined)
         self.now = replace(self.now, fed=self.fed)
@@ -221,7 +223,8 @@ class Session:
         if not self.now.determined and equations:
             worst = max(self.excitation.values(), key=lambda found: found.condition_number)
             direction = worst.confounded
-        found = self.findings
+        counts, found = self.counts, self.findings
+        gaps = counts.gaps + counts.fed - counts.taken - counts.repeated - counts.late
         sentences = [departure.sentence for departure in found.departures]
         return Evidence(
             self.recent.bad_share,
@@ -233,6 +236,7 @@ class Session:
             found.widths,
             self.changes[-1].sentence if self.changes else "",
             next(iter((*sentences, *found.contradicted, *found.against)), ""),
+            counts.taken * options.sample_time * options.filter_rate / gaps if gaps else inf,
         )
 
     @property

@@ -1,7 +1,6 @@
 """Thresholds of an identification, each with its unit and reason."""
 
 from dataclasses import dataclass, field, fields
-from numbers import Real
 from typing import Any
 
 from flexid.errors import SettingError
@@ -147,7 +146,7 @@ class Thresholds:
     def __post_init__(self) -> None:
         for one in fields(self):
             value = getattr(self, one.name)
-            if isinstance(value, bool) or not isinstance(value, Real) or not value > 0.0:
+            if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0.0:
                 raise SettingError(one.name, f"must be a number above 0, got {value!r}")
 
     def noise_floor(self, shortest: float) -> float:
