@@ -226,6 +226,7 @@ IN_MEMORY: dict[str, dict[str, Any]] = {
     "one of 32 bits, in seconds": {**NO_TIME, "time": (TICKS - TICKS[150]) % 2**32 / 1e3},
     "marks of missing values": {**COLUMNS, **{n: marked(n, v) for n, v in MARKS.items()}},
     "pulses as high as a mark": {**COLUMNS, "motor_torque": 999.0 * (EVERY // 10 % 2)},
+    "levels of which one is": {**COLUMNS, "motor_torque": np.array([0, 9, 999])[EVERY // 10 % 3]},
     "a clock that runs back": {**NO_TIME, "time [ms]": -TICKS},
     "few holes": without_values(link_position=[0, 399], motor_torque=100),
     "holes at random": without_values(link_position=RANDOM, motor_torque=100),

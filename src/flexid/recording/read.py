@@ -135,13 +135,17 @@ def drop_marks(log: Draft) -> None:
                 continue
             raw = float((mark - origin.offset) / origin.factor)
             if _NINES.fullmatch(f"{raw:.6g}") or np.isclose(abs(raw), _LIMITS, rtol=1e-9).any():
+                count = len(known) - len(rest)
+                # More may be a level of an input.
+                is_hole = name not in INPUTS or count <= MOST_GAPS * len(values)
+                taken = "was taken for" if is_hole else "may mark"
                 log.warn(
                     name,
-                    f"{raw:.9g} ({len(known) - len(rest)} times) is far from all other values and "
-                    f"was taken for a missing value: leave such cells empty",
+                    f"{raw:.9g} ({count} times) is far from all other values and {taken} a missing "
+                    f"value: leave such cells empty",
                     Rank.DATA,
                 )
-                log[name] = np.where(values == mark, np.nan, values)
+                log[name] = np.where(is_hole & (values == mark), np.nan, values)
 
 
 def drop_holes(log: Draft) -> None:
