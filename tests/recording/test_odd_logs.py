@@ -208,6 +208,7 @@ def marked(name: str, value: float) -> FloatArray:
     return np.where(np.arange(400) % 90 == 3, value, COLUMNS[name])
 
 
+COUNTED = (np.rint(300.0 / np.pi * 1e3 * COLUMNS["motor_position"]).astype(int) + 9) % 2**16
 MARKS = {"motor_torque": -999.0, "link_position": 32768.0, "motor_position": 99.99}
 EVERY = np.arange(400)
 TICKS = np.rint(1e3 * COLUMNS["time"]).astype(np.int64)
@@ -224,6 +225,7 @@ STATED = {f"a sample time of {bad!r}"[:30]: bad for bad in (0.9, 10**400, "fast"
 IN_MEMORY: dict[str, dict[str, Any]] = {
     "a counter that overflows": {**NO_TIME, "time [ms]": WRAPPED},
     "one of 32 bits, in seconds": {**NO_TIME, "time": (TICKS - TICKS[150]) % 2**32 / 1e3},
+    "a motor's counter that overflows": {**COLUMNS, "motor_position": COUNTED},
     "marks of missing values": {**COLUMNS, **{n: marked(n, v) for n, v in MARKS.items()}},
     "pulses as high as a mark": {**COLUMNS, "motor_torque": 999.0 * (EVERY // 10 % 2)},
     "levels of which one is": {**COLUMNS, "motor_torque": np.array([0, 9, 999])[EVERY // 10 % 3]},
@@ -251,6 +253,11 @@ IN_MEMORY: dict[str, dict[str, Any]] = {
     "whole milliseconds": {**NO_TIME, "time [ms]": FLOORED},
 }
 MAPS: dict[str, dict[str, Any]] = {
+    "a motor's counter that overflows": {
+        "gear_ratio": 300,
+        "motor_position": {"column": "motor_position", "scale": "1/2000", "unit": "turn"},
+        "motor_torque": {"column": "motor_torque", "unit": "N m", "side": "link"},
+    },
     "a sample time": BY_STEPS,
     "a sample time and no time": {**BY_STEPS, "time": False},
     "a sample time beside a time": {**BY_STEPS, "time": "time"},

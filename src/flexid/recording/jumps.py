@@ -5,6 +5,7 @@ sample than at any nearby, and stay there, another experiment begins, though the
 """
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -12,7 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from flexid.arrays import FloatArray
 from flexid.models.motion import JointType
 from flexid.recording.recording import ENCODERS, Draft, Rank
-from flexid.recording.sampling import FEWEST_SAMPLES, are_gaps
+from flexid.recording.sampling import COUNTERS, FEWEST_SAMPLES, are_gaps
 from flexid.recording.velocities import position_noise
 
 TURN = 2.0 * np.pi  # rad
@@ -24,6 +25,8 @@ _CLEAR = 20.0  # least jump over the noise: six steps of a coarse encoder
 _LEAST = 0.005  # of a position's range: dry friction causes smaller jumps, which matter little
 _SHORTEST_PART = 2.0  # s from jump to jump on average: with more jumps, the motion itself is rough
 _SIMILAR = 2.0  # ratio of the largest of three jumps to the smallest: those of joined logs differ
+_WHOLE = 1e-3  # largest deviation of a whole number of counts, or of turns
+_SLOW = 0.125  # of a counter's range: largest motion in a sample for which overflows are clear
 _SAME = 0.2  # difference of both positions' jumps over the larger one, where logs were joined
 
 
@@ -123,6 +126,28 @@ def _jumps(time: FloatArray, values: FloatArray) -> dict[int, float]:
         ratios = sizes[places] / nearby.max(axis=1)
     large = ratios > _ALSO
     return dict(zip(changes[places[large]].tolist(), ratios[large].tolist(), strict=True))
+
+
+def count_over(log: Draft) -> None:
+    """Let positions go on where counters of 16 or 32 bits overflow, unless by whole turns."""
+    moving = [name for name in log.those_of(ENCODERS) if np.ptp(log[name])]
+    for name, (bits, span) in product(moving, COUNTERS.items()):
+        origin = log.channels[name].origin
+        turns = span * abs(origin.factor) / (_motor_turn(log, name) or TURN)
+        counts = (log[name] - origin.offset) / origin.factor
+        is_whole = np.abs(counts - np.rint(counts)).max() < _WHOLE
+        if not is_whole or np.ptp(counts) > span or abs(turns - np.rint(turns)) < _WHOLE:
+            continue
+        steps = np.diff(counts)
+        wraps = np.rint(steps / span)
+        places = np.flatnonzero(wraps)
+        if len(places) and np.abs(steps - span * wraps).max() < _SLOW * span:
+            log.warn(
+                name,
+                f"{name} is a counter of {bits} bits that overflows (at {log.at(places + 1)}), so "
+                f"it was counted on: check it",
+            )
+            log[name] = log[name] - origin.factor * span * np.cumsum(np.append(0.0, wraps))
 
 
 def unwrap(log: Draft) -> str:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.readers.formats import format_of
-from flexid.recording import checks
+from flexid.recording import checks, jumps
 from flexid.recording.columns import read_channels
 from flexid.recording.jumps import align, find_seams, unwrap
 from flexid.recording.outliers import mend
@@ -97,6 +97,7 @@ def _draft_of(table: Table, columns: MapSource | None, number: str) -> Draft:
     count_on(log)
     drop_repeats(log, table)
     drop_holes(log)
+    jumps.count_over(log)
     integrate_velocities(log)
     checks.drop_frozen(log)
     return log

@@ -34,7 +34,7 @@ _OF_STAMPS = (
 ROUNDED = 1.05  # range of the rounding error in last digits: 1, and the error of the fitted line
 _NEAR_FIRST = 0.1  # of the shortest part: distance from the first time at which the time restarts
 _PAUSE = 10.0  # sample times between the end of a part and a restart of the time
-_COUNTERS = {16: 2.0**16, 32: 2.0**32}  # range in ticks, by the bits of a counter
+COUNTERS = {16: 2.0**16, 32: 2.0**32}  # range in ticks, by the bits of a counter
 _TICKS = (1e-3, 1e-6)  # s, of a counter whose times are written in s
 _UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # in s
 _SLOW = 0.05  # s, of a sample time that may be in another unit: 0.1 ms read as s are 0.1 s
@@ -54,8 +54,8 @@ def count_over(log: Draft) -> None:
     steps = np.diff(log.time)
     falls = np.flatnonzero(steps < 0.0)
     ticks = dict.fromkeys((log.channels["time"].origin.factor, *_TICKS))
-    for bits, tick in product(_COUNTERS, ticks) if len(falls) else ():
-        span = _COUNTERS[bits] * tick
+    for bits, tick in product(COUNTERS, ticks) if len(falls) else ():
+        span = COUNTERS[bits] * tick
         passed = steps[falls] + span
         if np.all((passed > 0.0) & (passed < WIDE_GAP * np.median(steps))):
             log.warn(
