@@ -209,6 +209,16 @@ def marked(name: str, value: float) -> FloatArray:
 
 
 COUNTED = (np.rint(300.0 / np.pi * 1e3 * COLUMNS["motor_position"]).astype(int) + 9) % 2**16
+FAILED = {"link_position": [50, 51, 52, 200, 300], "motor_torque": range(20, 400, 40)}
+
+
+def with_zeros(name: str) -> FloatArray:
+    """Return a channel that is zero in some samples."""
+    values = COLUMNS[name].copy()
+    values[[*FAILED[name]]] = 0.0
+    return values
+
+
 MARKS = {"motor_torque": -999.0, "link_position": 32768.0, "motor_position": 99.99}
 EVERY = np.arange(400)
 TICKS = np.rint(1e3 * COLUMNS["time"]).astype(np.int64)
@@ -227,6 +237,9 @@ IN_MEMORY: dict[str, dict[str, Any]] = {
     "one of 32 bits, in seconds": {**NO_TIME, "time": (TICKS - TICKS[150]) % 2**32 / 1e3},
     "a motor's counter that overflows": {**COLUMNS, "motor_position": COUNTED},
     "marks of missing values": {**COLUMNS, **{n: marked(n, v) for n, v in MARKS.items()}},
+    "zeros of readings that failed": {**COLUMNS, **{n: with_zeros(n) for n in FAILED}},
+    "zeros between two levels": {**COLUMNS, "motor_torque": np.sign(EVERY % 20 - 10.0)},
+    "two zeros": {**COLUMNS, "motor_torque": np.where(EVERY % 200 == 150, 0.0, 10.0)},
     "pulses as high as a mark": {**COLUMNS, "motor_torque": 999.0 * (EVERY // 10 % 2)},
     "levels of which one is": {**COLUMNS, "motor_torque": np.array([0, 9, 999])[EVERY // 10 % 3]},
     "a clock that runs back": {**NO_TIME, "time [ms]": -TICKS},

@@ -38,6 +38,9 @@ from flexid.recording.velocities import integral, is_used
 
 # Numbers that programs write where a value is missing: nines, and limits of integers.
 _NINES = re.compile(r"-?99\.?9[.9]*")
+# Zeros of readings that failed: at least three in a log, at most three in a row, and ten times as
+# far from the values around them as these are apart. A smaller one does little harm.
+_FEWEST_ZEROS, _LONGEST_ZERO, _APART = 3, 3, 10.0
 _LIMITS = np.array([2**15 - 1, 2**15, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1], dtype=np.float64)
 
 
@@ -93,6 +96,7 @@ def _draft_of(table: Table, columns: MapSource | None, number: str) -> Draft:
     log = Draft(table.file, channels, number, [*dict.fromkeys(table.warnings + warnings)])
     checks.check_magnitude(log)
     drop_marks(log)
+    drop_zeros(log)
     count_over(log)
     count_on(log)
     drop_repeats(log, table)
@@ -147,6 +151,33 @@ def drop_marks(log: Draft) -> None:
                     Rank.DATA,
                 )
                 log[name] = np.where(is_hole & (values == mark), np.nan, values)
+
+
+def drop_zeros(log: Draft) -> None:
+    """Make holes of zeros far from the values around them, as readings that failed leave."""
+    for name in log.names:
+        values = log[name]
+        zero = log.channels[name].origin.offset
+        others = np.flatnonzero((values != zero) & np.isfinite(values))
+        if len(others) < 2:
+            continue
+        places = np.flatnonzero(values == zero)
+        places = places[(others[0] < places) & (places < others[-1])]
+        after = np.searchsorted(others, places)
+        ends = others[[after - 1, after]]
+        jump = np.maximum(np.ptp(values[ends], axis=0), np.median(np.abs(np.diff(values[others]))))
+        off = np.abs(values[ends].mean(axis=0) - zero)
+        lost = places[(np.ptp(ends, axis=0) <= _LONGEST_ZERO + 1) & (off > _APART * jump)]
+        if _FEWEST_ZEROS <= len(lost) <= MOST_GAPS * len(values):
+            log.warn(
+                name,
+                f"is 0 in {len(lost)} samples (at {log.at(lost)}) and far from 0 next to them, so "
+                f"these were taken for missing values: leave such cells empty",
+                Rank.DATA,
+            )
+            values = values.copy()
+            values[lost] = np.nan
+            log[name] = values
 
 
 def drop_holes(log: Draft) -> None:
