@@ -34,7 +34,7 @@ from flexid.recording.sampling import (
 from flexid.recording.slow_motion import are_opposed, check_motion, correct_signs
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
-from flexid.recording.velocities import integral, is_used
+from flexid.recording.velocities import encoder_step, integral, is_used
 
 # Numbers that programs write where a value is missing: nines, and limits of integers.
 _NINES = re.compile(r"-?99\.?9[.9]*")
@@ -165,7 +165,8 @@ def drop_zeros(log: Draft) -> None:
         places = places[(others[0] < places) & (places < others[-1])]
         after = np.searchsorted(others, places)
         ends = others[[after - 1, after]]
-        jump = np.maximum(np.ptp(values[ends], axis=0), np.median(np.abs(np.diff(values[others]))))
+        usual = np.median(np.abs(np.diff(values[others])))
+        jump = np.maximum(np.ptp(values[ends], axis=0), max(usual, encoder_step(values[others])))
         off = np.abs(values[ends].mean(axis=0) - zero)
         lost = places[(np.ptp(ends, axis=0) <= _LONGEST_ZERO + 1) & (off > _APART * jump)]
         if _FEWEST_ZEROS <= len(lost) <= MOST_GAPS * len(values):
