@@ -30,6 +30,7 @@ from flexid.arms.doubts import (
     other_minima,
     rig_errors,
     term_law,
+    times_of_channels,
     with_doubts,
     with_doubts_of_an_exact_fit,
     zeros,
@@ -42,7 +43,7 @@ from flexid.arms.units import ArmUnits
 from flexid.arms.unusual import FittedArm, promises, unusual_parts
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.channel_timing import INPUT, Timing, later
+from flexid.estimators.channel_timing import INPUT, Timing, before_a_lag, later
 from flexid.estimators.prediction_error import Steps
 from flexid.estimators.samples import Samples, divide
 from flexid.identification.estimation.doubts import ANOTHER_LAW, covariance_of
@@ -231,6 +232,43 @@ def test_no_log_shows_the_zeros_of_joints():
     place = certain.names.index(across)
     assert certain.deviations[place] < 0.1 * error
     assert "zeros" in reasons[across]
+
+
+def errors_over(estimate: Estimate, name: str) -> list[float]:
+    """Return the errors of a parameter of both joints of `SMOOTH`, in standard deviations."""
+    values, truth = estimate.by_name, SMOOTH.truth()
+    own = [f"{name}_{joint}" for joint in (1, 2)]
+    places = [estimate.names.index(each) for each in own]
+    return [
+        abs(values[each] - truth[each]) / estimate.deviations[k]
+        for each, k in zip(own, places, strict=True)
+    ]
+
+
+def test_a_delay_too_short_to_be_fitted_is_in_the_intervals():
+    """Assert that intervals of frictions allow for a torque 6 µs early, of one joint."""
+    log = moved(SMOOTH)
+    inputs = log.inputs.copy()
+    inputs[:, 0] = later(inputs[:, 0], -0.003)
+    data = arm_data([replace(log, inputs=inputs)])
+    exact = exact_fits(STRUCTURE, data, lambda _: None).best()
+    assert exact[0].structure.timing.sought == ()
+    widened, _ = with_doubts_of_an_exact_fit(*exact)
+    for side in ("motor", "link"):
+        name = f"{side}_viscous_friction"
+        assert min(errors_over(exact[1], name)) > 2.0
+        assert max(errors_over(widened, name)) < 1.0
+
+
+def test_a_lag_is_in_the_intervals_of_a_delay():
+    """Assert that intervals of inertias allow for a lag of 3 ms that looks like a delay."""
+    log = moved(SMOOTH)
+    inputs = np.column_stack([before_a_lag(torque, 1.5) for torque in log.inputs.T])
+    found = fit_disturbed(STRUCTURE, arm_data([replace(log, inputs=inputs)]), (SMOOTH.truth(),))
+    assert 2e-3 < found.fitted.by_name[INPUT] < 3e-3
+    widened = found.estimate.widened(covariance_of(times_of_channels(found)))
+    assert min(errors_over(found.estimate, "motor_inertia")) > 10.0
+    assert max(errors_over(widened, "motor_inertia")) < 4.0
 
 
 @cache

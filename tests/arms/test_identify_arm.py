@@ -243,6 +243,18 @@ def test_an_input_that_turns_its_joint_backwards(
         identify_arm(log, MADE.known, columns)
 
 
+def test_a_deflection_may_turn_the_spring_instead(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Assert that the deflection is named too where the input turns its joint backwards."""
+    columns = tmp_path / "columns.toml"
+    columns.write_text('deflection_2 = {column = "link_position_2", unit = "rad"}\n')
+    monkeypatch.setattr("flexid.arms.identify.backward_inputs", lambda *_: [1])
+    said = "motor_torque_2 and deflection_2: .* or the deflection, which is the link's angle minus"
+    with pytest.raises(FlexidError, match=said):
+        identify_arm(folder / "run.csv", MADE.known, columns)
+
+
 def read_otherwise(log: ArmLog, kind: str) -> ArmLog:
     """Return a log with its angles counted otherwise."""
     (recording,) = log.recordings

@@ -8,6 +8,7 @@ again.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -18,8 +19,8 @@ from flexid.arms.starts import filtered
 from flexid.arms.unusual import STRIBECK, FittedArm, encoder_delays
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.channel_timing import later
-from flexid.estimators.samples import Samples, side_by_side
+from flexid.estimators.channel_timing import INPUT, after_a_lag, later
+from flexid.estimators.samples import Samples, Segments, side_by_side
 from flexid.estimators.segmented_motion import SegmentedMotion
 from flexid.identification.estimation.doubts import (
     ANOTHER_LAW,
@@ -61,6 +62,7 @@ _GAPS = np.geomspace(0.02, 1.0, 25)  # half widths over the deflection's standar
 _LIKE_DAMPING = 0.1
 _CHANCE = 0.005  # random share of the residual squares: 12 of some 2400 independent rows
 
+OF_TIMES = "its channels may not be simultaneous, or a delay may be a lag"
 OF_A_ZERO = "the zeros of its encoders or the direction of gravity may be wrong"
 
 Doubt = Callable[[DisturbedFit], FloatArray]
@@ -133,6 +135,19 @@ def zeros_of_joints(found: DisturbedFit) -> FloatArray:
 def by_zeros(fitted: FittedArm) -> FloatArray:
     """Return errors by the zeros of encoders and gravity's direction, weighted by the log."""
     return likely_changes(fitted, [*zeros(fitted)], share=SMALL_SHARE)
+
+
+def times_of_channels(found: DisturbedFit) -> FloatArray:
+    """Return errors by inputs and encoders that are late, or lag."""
+    return by_times(found.fitted, found.job.data.samples[0].sample_time)
+
+
+def by_times(fitted: FittedArm, sample_time: float) -> FloatArray:
+    """Return errors by late or lagging inputs, and late encoders, weighted by the log.
+
+    A delay that is too short to be fitted still moves frictions and dampings.
+    """
+    return likely_changes(fitted, [*other_times(fitted, APART * sample_time)])
 
 
 def term_law(found: DisturbedFit) -> FloatArray:
@@ -278,6 +293,7 @@ DOUBTS: Mapping[Doubt, str] = {
     noise_of_the_inputs: "noise of the logged torque: excite harder, or log it finer",
     errors_of_the_rig: "the encoders, their scales, the lengths or directions may be wrong",
     zeros_of_joints: OF_A_ZERO,
+    times_of_channels: OF_TIMES,
     term_law: OF_A_LAW,
     halves_of_the_log: OF_A_HALF,
     another_band: OF_A_BAND,
@@ -302,9 +318,10 @@ def with_doubts(found: DisturbedFit) -> tuple[Estimate, dict[str, str]]:
 def with_doubts_of_an_exact_fit(
     fitted: FittedArm, estimate: Estimate
 ) -> tuple[Estimate, dict[str, str]]:
-    """Return the estimate with doubts about zeros and friction, and the main reasons."""
+    """Return the estimate with doubts of zeros, times and friction, and the main reasons."""
     every = []
-    for doubt, words in ((by_zeros, OF_A_ZERO), (by_laws, OF_A_LAW)):
+    own_time = partial(by_times, sample_time=fitted.data.samples[0].sample_time)
+    for doubt, words in ((by_zeros, OF_A_ZERO), (own_time, OF_TIMES), (by_laws, OF_A_LAW)):
         with suppress(ConvergenceError):
             every.append((covariance_of(doubt(fitted)), words))
     return widened(estimate, every)
@@ -389,6 +406,7 @@ def _fitted_spring(
 
 LENGTH = 0.005  # relative standard deviation: a ruler misses joints by 1 or 2 mm
 DIRECTION = 0.01  # rad, standard deviation of slides, gravity and zeros of encoders: half a degree
+APART = 0.5  # samples, standard deviation: channels are read once per sample, in any order
 FALL = 0.2  # relative standard deviation of a Stribeck velocity: uniform between the trials
 
 
@@ -433,6 +451,32 @@ def zeros(fitted: FittedArm) -> Iterator[SegmentedMotion]:
         if joint_type == "revolute":
             both = slice(2 * joint, 2 * joint + 2)
             yield with_sensor_error(fitted, both, DIRECTION, SMALL_SHARE)
+
+
+def other_times(fitted: FittedArm, late: float) -> Iterator[SegmentedMotion]:
+    """Yield the fit's motion with each channel late by `SHARE` of a time in s, or with a lag.
+
+    A first-order lag also acts in place of a delay that was found. It reduces the input, and this
+    effect grows with its square.
+    """
+    segments, lag = fitted.problem.segments, np.sqrt(SHARE) * fitted.by_name.get(INPUT, 0.0)
+    for inputs in _each_changed(segments, segments.inputs, SHARE * late, 0.0):
+        yield replace(fitted.problem, segments=replace(segments, inputs=inputs))
+    for inputs in _each_changed(segments, segments.inputs, -lag, lag) if lag > 0.0 else ():
+        yield replace(fitted.problem, segments=replace(segments, inputs=inputs))
+    for outputs in _each_changed(segments, segments.outputs, SHARE * late, 0.0):
+        yield replace(fitted.problem, segments=replace(segments, outputs=outputs))
+
+
+def _each_changed(
+    segments: Segments, channels: FloatArray, late: float, lag: float
+) -> Iterator[FloatArray]:
+    """Yield the channels, shape (n, m), with each of them late and behind a lag, in s."""
+    for place in range(channels.shape[1]):
+        changed = channels.copy()
+        for part, h in segments.by_recording():
+            changed[part, place] = later(after_a_lag(channels[part, place], lag / h), late / h)
+        yield changed
 
 
 def other_falls(fitted: FittedArm) -> Iterator[SegmentedMotion]:

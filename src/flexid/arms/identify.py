@@ -99,10 +99,12 @@ def _check_signs(log: ArmLog, arm: PlanarArm, fixed: dict[str, float]) -> None:
         names = " and ".join(
             f"{channel}_{place + 1}"
             for place in backward
-            for channel in INPUTS
+            for channel in (*INPUTS, "deflection")
             if channel in columns[place]
         )
         reason = "a positive value turns its joint backwards: scale it by -1 in a column map"
+        if "deflection" in names:
+            reason += ", or the deflection, which is the link's angle minus the motor's"
         raise RecordingError(log.source, names, reason)
 
 
