@@ -421,6 +421,7 @@ def test_a_filter_is_sought_if_the_motor_is_early_or_late(monkeypatch, early, so
     steps: list[str] = []
     training = SimpleNamespace(samples=[SimpleNamespace(sample_time=1e-3)])
     about = {"input_unit": "N m", "is_voltage": False, "thresholds": THRESHOLDS, "structure": None}
+    about["joint"] = SimpleNamespace(kind="rigid")  # whose encoder is on time
     job: Any = SimpleNamespace(**about, training=training, progress=steps.append)
     assert inputs.answer_with_amplifier(job)[2] == IDEAL
     assert bool(steps) == sought

@@ -10,9 +10,12 @@ import numpy as np
 import polars as pl
 import pytest
 
+from flexid.errors import RecordingError
 from flexid.estimators.channel_timing import later
 from flexid.estimators.samples import samples_of_recording
 from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.identification.identify import identify
+from flexid.identification.preparation.recordings import IDEAL
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result import Identification
 from flexid.models.flexible_joint import flexible_joint
@@ -124,6 +127,19 @@ def test_a_dead_zone_is_corrected_in_the_whole_log(write: Write, columns: Column
     assert found.choices.amplifier.dead_zone == pytest.approx(0.4, abs=0.02)
     assert found.coefficients["beta1"].value == pytest.approx(TRUE["beta1"], rel=0.005)
     assert any("dead zone" in warning for warning in found.warnings)
+
+
+def test_a_filtered_encoder_is_refused(write: Write, monkeypatch: pytest.MonkeyPatch):
+    """Assert that a head with a filtered encoder, which a stream cannot correct, is refused."""
+
+    def head(*given: Any) -> Identification:
+        found = identify(*given)
+        choices = replace(found.choices, amplifier=replace(IDEAL, link_lag=0.01))
+        return replace(found, choices=choices)
+
+    monkeypatch.setattr(whole_log, "identify", head)
+    with pytest.raises(RecordingError, match="seem to have been low-passed"):
+        identify_stream(write(), settings=CHOSEN)
 
 
 @pytest.mark.parametrize(("link_delay", "input_delay"), [(2.4e-3, 0.0), (-1.3e-3, 0.7e-3)])

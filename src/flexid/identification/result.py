@@ -285,13 +285,19 @@ def division_warnings(parameters: Mapping[str, ValueEstimate]) -> Iterator[Cauti
 def amplifier_warnings(amplifier: Amplifier, unit: str) -> Iterator[Caution]:
     """Warn of corrections of the input for filter, dead zone and limit."""
     found = []
-    if amplifier.log_lag:
-        yield Caution(
-            f"the motor moves as if its input had been low-passed into the log, by a filter of "
-            f"{1e3 * amplifier.log_lag:.2g} ms: the input was corrected for that; to be sure, log "
-            f"it unfiltered",
-            Rank.NOTE,
-        )
+    filters = {
+        "input": amplifier.log_lag,
+        "link_position": amplifier.link_lag,
+        "motor_position": amplifier.motor_lag,
+    }
+    for channel, lag in filters.items():
+        if lag:
+            yield Caution(
+                f"the drive moves as if its {channel} had been low-passed into the log, by a "
+                f"filter of {1e3 * lag:.2g} ms: it was corrected for that; to be sure, log it "
+                f"unfiltered",
+                Rank.NOTE,
+            )
     if amplifier.dead_zone:
         found.append(f"a dead zone of {amplifier.dead_zone:.2g} {unit}")
     if amplifier.limit is not None:

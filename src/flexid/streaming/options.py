@@ -354,8 +354,9 @@ def not_accounted_for(result: Identification, sample_time: float) -> Iterator[st
             )
     if result.choices.amplifier.corrects:
         yield (
-            "the estimate corrected the input for its amplifier, and a stream is not corrected: "
-            "send the input that reaches the motor, or gain and friction seem to have changed"
+            "the estimate corrected the log for an amplifier or a filter, and a stream is not "
+            "corrected: send the input that reaches the motor, and positions without a filter, or "
+            "gain and friction seem to have changed"
         )
 
 

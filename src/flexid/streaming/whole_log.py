@@ -63,6 +63,9 @@ def identify_stream(
         reason = "counts against the motor's direction: write scale = -1 for it in a column map"
         raise RecordingError(shown(path), channel, reason)
     found = identify([log], settings, progress)
+    if found.choices.amplifier.filters_positions:
+        reason = "seem to have been low-passed, which a stream cannot correct: omit --stream"
+        raise RecordingError(shown(path), "positions", reason)
     progress("streaming")
     with closing(Replay(path, columns, found.model)) as replay:
         session = Session(_options(replay, log, found, settings))

@@ -34,7 +34,7 @@ from flexid.identification.full_model.fitting import (
 )
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure, data_of
 from flexid.identification.full_model.starting import first_fits, least_squares_start, suited_rate
-from flexid.identification.preparation.recordings import Alignment, Delay, SplitRecordings, aligned
+from flexid.identification.preparation.recordings import SplitRecordings, aligned, given_alignment
 from flexid.identification.structure.choice import Choice
 from flexid.identification.structure.gap import settled, with_free_width
 from flexid.identification.structure.link_delay import confused_covariance
@@ -94,11 +94,8 @@ class FinalFits:
         """All data with the channels' delays corrected."""
         structure, delays = self.reported.structure, self.reported.delays
         most = self.reported.data.largest_delay  # a diverging fit may ask for more
-        of_input, of_link = (
-            Delay(float(np.clip(delays.get(name, 0.0), -most, most)), 0.0, (0.0, 0.0), "given")
-            for name in (INPUT, LINK)
-        )
-        alignment = Alignment(structure.timing.hold, of_input, of_link, "")
+        late = (float(np.clip(delays.get(name, 0.0), -most, most)) for name in (INPUT, LINK))
+        alignment = given_alignment(structure.timing.hold, *late)
         whole = self.recordings.whole
         timely = [with_velocities(aligned(recording, alignment)) for recording in whole]
         return data_of(structure.joint, timely, self.recordings.groups)

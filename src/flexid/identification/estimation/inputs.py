@@ -2,6 +2,8 @@
 
 from contextlib import suppress
 from dataclasses import replace
+from math import prod
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +16,9 @@ from flexid.identification.preparation.recordings import IDEAL, Amplifier
 from flexid.identification.structure.gap import CHANCE
 from flexid.identification.structure.job import Job
 from flexid.identification.vocabulary.thresholds import Thresholds
+
+if TYPE_CHECKING:
+    from flexid.identification.estimation.encoder_lag import EncoderLag
 
 _CLEAR_GAIN = 0.1  # least relative fall of an exact fit's excess for a corrected input
 # Least delay of a filtered input in samples. A filter of less differs from a delay by 0.3 % of a
@@ -40,10 +45,14 @@ def answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
     if found is None or amplifier.corrects:
         job = _with_amplifier(amplifier, logged)
         found = answer(job)
-    late = found.fits.reported.by_name.get(INPUT, 0.0)
-    shifted = abs(late) > _LEAST_SHIFT * job.training.samples[0].sample_time
+    if better := _with_encoder_lag(logged, found, amplifier, of_both=False):
+        job, found, (amplifier, change) = better
+        changes.append(change)
+        positions = replace(IDEAL, link_lag=amplifier.link_lag, motor_lag=amplifier.motor_lag)
+        balance = DrivenBalance(job.structure, _with_amplifier(positions, logged).training)
     errors: list[FloatArray] = []
-    if shifted and not _explains(found, job.thresholds):
+    late = found.fits.reported.by_name.get(INPUT, 0.0)
+    if abs(late) > _least_shift(job) and not _explains(found, job.thresholds):
         job.progress("a filter of the input")
         if late < 0.0:
             filtering = balance.with_log_lag(amplifier, -late)
@@ -62,6 +71,9 @@ def answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
                 errors.append(lag_error(fitted, filtering.lag))
                 if job.is_voltage:  # a coil also delays the back-EMF, by as much
                     errors.append(coil_error(fitted, filtering.lag))
+    if better := _with_encoder_lag(logged, found, amplifier, of_both=True):
+        job, found, (amplifier, change) = better
+        changes, errors = [*changes, change], []
     estimate = found.estimate
     shares = ([change.get(name, 0.0) for name in estimate.names] for change in changes)
     for error in (*errors, *(estimate.values * own for own in shares)):
@@ -69,8 +81,36 @@ def answer_with_amplifier(job: Job) -> tuple[Job, Answer, Amplifier]:
     return job, replace(found, estimate=estimate), amplifier
 
 
+def _with_encoder_lag(
+    logged: Job, found: Answer, amplifier: Amplifier, *, of_both: bool
+) -> "tuple[Job, Answer, EncoderLag] | None":
+    """Return the job, the answer and the lag of encoders that leave less than `found`, if any."""
+    from flexid.identification.estimation.encoder_lag import likely_encoder_lag
+
+    is_free = logged.joint.kind == "flexible" and logged.settings.link_delay == "auto"
+    if not is_free or _explains(found, logged.thresholds):
+        return None
+    logged.progress("a filter of the encoders")
+    delays = {**found.fits.reported.delays}
+    delays[INPUT] += amplifier.lag
+    undelayed, least = replace(amplifier, lag=0.0), _least_shift(logged)
+    rest = logged.structure, logged.training, undelayed, delays, least
+    if not (lag := likely_encoder_lag(*rest, of_both=of_both)):
+        return None
+    filtered = _with_amplifier(lag.amplifier, logged)
+    with suppress(ConvergenceError):
+        other = answer_again(filtered, found)
+        return (filtered, other, lag) if _leaves_less(other, found) else None
+    return None
+
+
+def _least_shift(job: Job) -> float:
+    """Least delay in s that may be a filter."""
+    return _LEAST_SHIFT * job.training.samples[0].sample_time
+
+
 def _with_amplifier(amplifier: Amplifier, job: Job) -> Job:
-    """Return the job with the amplifier's output as its input."""
+    """Return the job with the amplifier's output as its input, and without filters."""
     recorded = tuple(map(amplifier.behind, job.recordings.recorded))
     return replace(job, recordings=replace(job.recordings, recorded=recorded))
 
@@ -84,6 +124,14 @@ def _is_likelier(other: Answer, found: Answer) -> bool:
         return other.fits.reported.excess < (1.0 - _CLEAR_GAIN) * found.fits.reported.excess
     is_same = (one.sample_time, other.retreat) == (two.sample_time, found.retreat)
     return is_same and other.cost < found.cost - CHANCE
+
+
+def _leaves_less(other: Answer, found: Answer) -> bool:
+    """Whether the terms leave less of the accelerations with other positions than in `found`."""
+    one, two = other.disturbances, found.disturbances
+    if one is None or two is None:
+        return _is_likelier(other, found)
+    return prod(one.shares.values()) < prod(two.shares.values())
 
 
 def _explains(found: Answer, thresholds: Thresholds) -> bool:

@@ -30,7 +30,7 @@ _LARGEST_DEAD_ZONE, _LIMITS = 0.1, (0.1, 1.0)  # of the largest input
 _LEAST_MISFIT = np.finfo(float).tiny  # for a log without noise
 _TOLERANCE = 1e-3  # of the largest input
 _FINE, _LEAST_SPREAD = 1e-3, 0.01  # of a lag: tolerance of its search; least standard deviation
-_RATES = (20.0, 60.0)  # 1/s, of filters whose results must agree
+RATES = (20.0, 60.0)  # 1/s, of filters whose results must agree
 # Least relative fall of the motor's misfit by a correction, with either filter. Dead zones of 2 to
 # 4 % cause half of the misfit or more if the input takes all values. For a square wave they cause
 # hardly any misfit, since a dead zone only reduces its gain.
@@ -102,7 +102,7 @@ class DrivenBalance:
     @cached_property
     def moves(self) -> dict[float, NDArray[np.bool_]]:
         """Whether the motor moves in each equation, by filter rate."""
-        return {rate: _moves(self.data, rate) for rate in _RATES}
+        return {rate: motor_moves(self.data, rate) for rate in RATES}
 
     @property
     def is_enough(self) -> bool:
@@ -157,13 +157,13 @@ class DrivenBalance:
         """
         if amplifier.limit is None:
             return {}
-        limits = [self.best(amplifier, "limit", _LIMITS, (rate,)).limit or 0.0 for rate in _RATES]
+        limits = [self.best(amplifier, "limit", _LIMITS, (rate,)).limit or 0.0 for rate in RATES]
         spread = max(abs(limits[1] - limits[0]) / sqrt(2.0), _TOLERANCE * self.largest)
         return self.changes(amplifier, "limit", spread)
 
     def log_lag_changes(self, amplifier: Amplifier) -> dict[str, float]:
         """Return signed relative standard deviations from the log lag's uncertainty."""
-        one, other = (self.best_log_lag(amplifier, amplifier.log_lag, (rate,)) for rate in _RATES)
+        one, other = (self.best_log_lag(amplifier, amplifier.log_lag, (rate,)) for rate in RATES)
         spread = max(abs(one - other) / sqrt(2.0), _LEAST_SPREAD * amplifier.log_lag)
         return self.changes(amplifier, "log_lag", spread)
 
@@ -172,7 +172,7 @@ class DrivenBalance:
         amplifier: Amplifier,
         field: Literal["dead_zone", "limit"],
         ends: tuple[float, float],  # of the largest input
-        rates: Sequence[float] = _RATES,
+        rates: Sequence[float] = RATES,
     ) -> Amplifier:
         """Return the amplifier with the least misfit, as a geometric mean over the filters."""
         # Imported late: it is slow, and few logs need it.
@@ -193,7 +193,7 @@ class DrivenBalance:
         return corrected(float(least.x))
 
     def best_log_lag(
-        self, amplifier: Amplifier, likely: float, rates: Sequence[float] = _RATES
+        self, amplifier: Amplifier, likely: float, rates: Sequence[float] = RATES
     ) -> float:
         """Return the first-order lag in s with the least misfit, at the delay that suits it.
 
@@ -218,7 +218,7 @@ class DrivenBalance:
         """Return logarithms of the coefficients' ratios between both ends of a field's spread."""
         middle = getattr(amplifier, field)
         one, other = (
-            self.coefficients(replace(amplifier, **{field: middle + half}), max(_RATES))
+            self.coefficients(replace(amplifier, **{field: middle + half}), max(RATES))
             for half in (0.5 * spread, -0.5 * spread)
         )
         return {
@@ -236,7 +236,7 @@ class DrivenBalance:
         return np.min([self.misfits(each) for each in lagging], axis=0)
 
     def misfits(
-        self, amplifier: Amplifier, rates: Sequence[float] = _RATES, delay: float = 0.0
+        self, amplifier: Amplifier, rates: Sequence[float] = RATES, delay: float = 0.0
     ) -> FloatArray:
         """Return the residual sum of squares with an amplifier and a delay in s, by filter."""
         sums = []
@@ -274,7 +274,7 @@ def _is_crossed(data: Data, amplifier: Amplifier) -> bool:
     return any(_CROSSING <= share <= 1.0 - _CROSSING for share in beyond)
 
 
-def _moves(data: Data, rate: float) -> NDArray[np.bool_]:
+def motor_moves(data: Data, rate: float) -> NDArray[np.bool_]:
     """Return whether the motor was hardly ever slow in the filter's memory, by equation."""
     # While the motor sticks, friction balances the voltage, like a dead zone.
     speeds = []

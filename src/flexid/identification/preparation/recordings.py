@@ -18,6 +18,7 @@ from flexid.recording.recording import Caution, Hold, Log, Rank, Recording
 from flexid.recording.velocities import (
     is_noise,
     position_noise,
+    velocity,
     while_free,
     while_moving,
     with_velocities,
@@ -80,17 +81,25 @@ MEMORY = 4096
 
 @dataclass(frozen=True)
 class Amplifier:
-    """Amplifier and log filter between the logged input and the motor; ideal by default."""
+    """Amplifier, and filters between the drive and its log; ideal by default."""
 
     dead_zone: float = 0.0  # in the input's unit
     limit: float | None = None  # largest output, in the input's unit; None for no limit
     log_lag: float = 0.0  # time constant in s of a first-order filter before the log
     lag: float = 0.0  # time constant in s of its own response, of first order
+    # time constants in s of first-order filters of an encoder, or of a deflection, before the log
+    link_lag: float = 0.0
+    motor_lag: float = 0.0
 
     @property
     def corrects(self) -> bool:
         """Whether the amplifier differs from an ideal one."""
         return self != IDEAL
+
+    @property
+    def filters_positions(self) -> bool:
+        """Whether an encoder was filtered before the log."""
+        return bool(self.link_lag or self.motor_lag)
 
     def passed(self, commanded: FloatArray) -> FloatArray:
         """Return the amplifier's output for a commanded input."""
@@ -113,13 +122,32 @@ class Amplifier:
         return passed[len(whole) - len(logged) :]
 
     def behind(self, recording: Recording) -> Recording:
-        """Return the recording with the amplifier's output as its input."""
+        """Return the recording with the amplifier's output as its input, and without filters."""
+        if self.filters_positions:
+            recording = self._unfiltered(recording)
         if recording.input is None or not self.corrects:
             return recording
         reached = self.reached(recording.input, recording.sample_time)
         # A torque or current has no dead zone, so the logged one was computed from a voltage.
         from_voltage = recording.from_voltage or self.dead_zone > 0.0
         return replace(recording, input=reached, from_voltage=from_voltage)
+
+    def _unfiltered(self, recording: Recording) -> Recording:
+        """Return the recording with positions from before their filters, without velocities."""
+        # A smooth derivative adds less noise than a difference of two samples.
+        motor, link = recording.motor_position, recording.link_position
+        moved = motor + self.motor_lag * velocity(motor, recording.sample_time)
+        if link is not None:
+            still, shown = (motor, moved) if recording.link_from_deflection else (0.0, 0.0)
+            sensed = link - still
+            link = shown + sensed + self.link_lag * velocity(sensed, recording.sample_time)
+        return replace(
+            recording,
+            motor_position=moved,
+            link_position=link,
+            motor_velocity=None,
+            link_velocity=None,
+        )
 
 
 IDEAL = Amplifier()
@@ -391,6 +419,12 @@ class Alignment:
     # deflection's sensor lags
     link_delay: Delay
     hold_reason: str  # reason for the hold
+
+
+def given_alignment(hold: Hold, input_delay: float, link_delay: float) -> Alignment:
+    """Return an alignment with given delays in s."""
+    of_input, of_link = (Delay(s, 0.0, (s, s), "given") for s in (input_delay, link_delay))
+    return Alignment(hold, of_input, of_link, "")
 
 
 def aligned(recording: Recording, alignment: Alignment) -> Recording:
