@@ -401,6 +401,14 @@ def test_a_log_that_was_low_passed_is_corrected():
     assert all(2.0 * found.parameters[name].half_width > 1e-4 * truth[name] for name in truth)
 
 
+def test_an_input_that_does_not_drive_the_motor_has_no_filter():
+    """Assert no lag for a random walk, which a filter of 1.3 s would suit best."""
+    plain = made(1)
+    walk = np.cumsum(np.random.default_rng(1).standard_normal(len(plain)))
+    balance = amplifiers.DrivenBalance(PAPER, data(replace(plain, input=walk)))
+    assert balance.best_log_lag(IDEAL, 0.02) == 0.0
+
+
 @pytest.mark.parametrize(
     ("early", "sought"), [(0.26, True), (0.24, False), (-0.26, True), (-0.24, False)]
 )

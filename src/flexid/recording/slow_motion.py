@@ -81,11 +81,12 @@ def check_motion(log: Draft, recording: Recording, *, alone: bool) -> None:
             Rank.SCALE,
         )
     elif share:
+        unless = "unless a spring holds the link back, " if share < 0.0 else ""
         ratio = "gear_ratio divided" if recording.joint == "revolute" else "lead multiplied"
         log.warn(
             place,
             f"the link moves {1.0 + share:.4f} ± {2.0 * error:.1g} times as far as the motor, "
-            f"which gravity and inertia do not explain: check the scales of both encoders "
+            f"which gravity and inertia do not explain: {unless}check the scales of both encoders "
             f"and the gear ratio (motor position times {1.0 + share:.4f}, or {ratio} by it, would "
             f"agree)",
             Rank.SCALE,

@@ -39,6 +39,9 @@ _LEAST_SAVED = 0.1
 # 14 such logs it saved 0.75 or more, or 0.29 with a limit; in 268 other logs at most 0.06.
 _CLEARLY_SAVED = 0.25
 _REFINED = 0.01  # least relative fall when a found correction is refined
+# Longest filter of a log, over the time by which its input seems late there. Fast motions are late
+# by less than the filter's lag, but then they hardly pass it.
+_LONGEST_LAG = 10.0
 _LAGS = np.geomspace(1e-3, 0.03, 8)  # s, time constants of filters of a logged current
 # Least share of a recording's samples on either side of a limit. A square wave is on one side only;
 # a different gain of two square waves may look like a limit.
@@ -197,7 +200,8 @@ class DrivenBalance:
     ) -> float:
         """Return the first-order lag in s with the least misfit, at the delay that suits it.
 
-        Both are sought together, since a filter looks like a mixture of lag and delay.
+        Both are sought together, since a filter looks like a mixture of lag and delay. The lag is 0
+        if an ever longer one leaves less, as for an input that does not drive the motor.
         """
         # Imported late: it is slow, and few logs need it.
         from scipy.optimize import minimize
@@ -210,7 +214,8 @@ class DrivenBalance:
         around = likely * np.array([[1.0, 0.0], [2.0, 0.0], [1.0, 0.5]])
         options = {"initial_simplex": around, "xatol": _FINE * likely, "fatol": 1e-6}
         found: Any = minimize(left, around[0], method="Nelder-Mead", options=options)
-        return max(float(found.x[0]), 0.0)
+        lag = float(found.x[0])
+        return max(lag, 0.0) if lag < _LONGEST_LAG * likely else 0.0
 
     def changes(
         self, amplifier: Amplifier, field: Literal["limit", "log_lag"], spread: float
