@@ -25,11 +25,27 @@ from flexid.identification.preparation.settings import Settings
 from flexid.recording.recording import Recording
 from flexid.recording.velocities import with_velocities
 
+CHANNELS = ("link_position", "motor_position", "input")
+
 
 @pytest.fixture(scope="module")
 def late() -> model.Data:
     """Return eight seconds with a torque delay of 1.3 ms and a link delay of 0.7 ms."""
     return data(made(11, 8.0, input_delay=1.3e-3, link_delay=0.7e-3))
+
+
+@pytest.mark.parametrize("rest", [0, 2000, 6000])
+def test_halves_of_a_log_both_move(rest):
+    """Assert that a log is cut in its middle, or in that of its motion if a half is rest."""
+    moving = made(1, 8.0)
+    ended = {name: np.pad(getattr(moving, name), (0, rest), mode="edge") for name in CHANNELS}
+    own = data(replace(moving, **ended))
+    first, second = (half.samples[0] for half in own.halves())
+    assert len(first) + len(second) == len(moving) + rest
+    assert (len(first) == len(second)) == (rest < len(moving))
+    steps = (np.diff(half.positions[:, 1]) for half in (first, second))
+    one, other = (np.sum(moved**2) for moved in steps)
+    assert other > (0.7 if rest > len(moving) else 0.05) * one
 
 
 def test_what_data_know(late):
