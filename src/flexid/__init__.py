@@ -28,6 +28,7 @@ def __getattr__(name: str) -> Any:
     value = getattr(import_module(f"{__name__}.{home}"), name)
     if isinstance(value, FunctionType) and not hasattr(value, "__wrapped__"):  # of a lower package
         value = import_module(f"{__name__}.library.arguments").entrance(value)
+        value.__module__, value.__qualname__ = __name__, name  # pickle finds it here
     globals()[name] = value
     return value
 

@@ -48,6 +48,13 @@ def test_halves_of_a_log_both_move(rest):
     assert other > (0.7 if rest > len(moving) else 0.05) * one
 
 
+def test_halves_have_a_quarter_of_a_log():
+    """Assert that a half of a log of one pulse is not the pulse alone."""
+    pulse = made(1, 6.0, torque=lambda at: np.where((at > 0.02) & (at < 0.06), 40.0, 0.0))
+    first, second = (half.samples[0] for half in data(pulse).halves())
+    assert min(len(first), len(second)) >= len(pulse) // 4
+
+
 def test_what_data_know(late):
     """Assert the noise of each position, the reference of a deflection, and the margins."""
     assert late.noise == pytest.approx([NOISE, NOISE], rel=0.1)

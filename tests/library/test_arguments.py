@@ -47,6 +47,14 @@ KINDS = {
 }
 
 
+def test_public_functions_can_be_pickled():
+    """Assert that another process gets the same function or class."""
+    every = [getattr(flexid, name) for name in vars(flexid)["__all__"]]
+    named = [value for value in every if callable(value) and hasattr(value, "__qualname__")]
+    assert len(named) > 20
+    assert [pickle.loads(pickle.dumps(value)) for value in named] == named
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_memory_is_read_as_a_file_is(arrays, tmp_path, kind):
     """Assert that samples and units equal those of the log's file."""

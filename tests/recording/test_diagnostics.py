@@ -15,7 +15,7 @@ from flexid.identification.preparation.recordings import prepare
 from flexid.library.logs import read_log
 from flexid.recording import Log
 from flexid.recording.recording import Rank, rank_of
-from flexid.recording.slow_motion import late_input, scales_apart
+from flexid.recording.slow_motion import is_of_the_spring, late_input, scales_apart
 from flexid.recording.velocities import is_noise
 
 STEP = 2e-3  # s
@@ -203,6 +203,23 @@ def test_a_deflection_in_degrees(factor: float):
     log = read_columns({**columns, "deflection": bent})
     named = ["as if these were degrees" in warning for warning in log.warnings]
     assert sum(named) == (abs(factor) > 1.0)
+
+
+@pytest.mark.parametrize("hardening", [0.0, 0.3])
+@pytest.mark.parametrize("motor_inertia", [0.0, 0.05])
+def test_the_torque_of_a_spring_is_no_motors(hardening: float, motor_inertia: float):
+    """Assert that a motor is seen in its torque beside a linear or a hardening spring."""
+    time, tones = 0.002 * np.arange(6000), np.array([2.0, 7.3, 16.0])
+    motion = 0.3 * np.sin(np.outer(time, tones))
+    link, torque = motion.sum(axis=1), -motion @ tones**2
+    bent = torque / 400.0
+    spring = torque * (1.0 + hardening * (bent / bent.max()) ** 2)
+    motor = link + bent
+    pushed = spring + motor_inertia * np.gradient(np.gradient(motor, 0.002), 0.002)
+    noise = NOISE * np.random.default_rng(1).standard_normal((2, len(time)))
+    columns = {"time": time, LINK: link + noise[0], MOTOR: motor + noise[1], TORQUE: pushed}
+    (recording,) = read_columns(columns).recordings
+    assert is_of_the_spring(recording) == (motor_inertia == 0.0)
 
 
 LATE = {25: "-0.05", -51: "0.102", 10: ""}  # by delay in samples

@@ -203,9 +203,15 @@ def some(places: Any, columns: Columns = COLUMNS, **changed: Any) -> dict[str, A
     return {name: values[places] for name, values in columns.items()} | changed
 
 
-def marked(name: str, value: float) -> FloatArray:
-    """Return a column with five samples of a value."""
-    return np.where(np.arange(400) % 90 == 3, value, COLUMNS[name])
+def marked(name: str, *marks: float) -> FloatArray:
+    """Return a column with five samples of each value."""
+    values = COLUMNS[name]
+    for place, mark in enumerate(marks):
+        values = np.where(np.arange(400) % 90 == 3 + 10 * place, mark, values)
+    return values
+
+
+COUNTED_TURNS = np.rint(3e4 / np.pi * COLUMNS["motor_position"]).astype(int) % 60_000
 
 
 COUNTED = (np.rint(300.0 / np.pi * 1e3 * COLUMNS["motor_position"]).astype(int) + 9) % 2**16
@@ -240,6 +246,13 @@ IN_MEMORY: dict[str, dict[str, Any]] = {
     "zeros of readings that failed": {**COLUMNS, **{n: with_zeros(n) for n in FAILED}},
     "zeros between two levels": {**COLUMNS, "motor_torque": np.sign(EVERY % 20 - 10.0)},
     "two zeros": {**COLUMNS, "motor_torque": np.where(EVERY % 200 == 150, 0.0, 10.0)},
+    "an encoder of 60 000 counts": {**COLUMNS, "motor_position": COUNTED_TURNS},
+    "moments without a voltage": {**COLUMNS, "motor_torque": np.where(EVERY % 60 < 2, 0.0, 24.0)},
+    "three pulses as high as a mark": {
+        **COLUMNS,
+        "motor_torque": np.where(EVERY % 150 < 3, 32767, COLUMNS["motor_torque"]),
+    },
+    "marks of two kinds": {**COLUMNS, "motor_torque": marked("motor_torque", -999.0, 9999.0)},
     "pulses as high as a mark": {**COLUMNS, "motor_torque": 999.0 * (EVERY // 10 % 2)},
     "levels of which one is": {**COLUMNS, "motor_torque": np.array([0, 9, 999])[EVERY // 10 % 3]},
     "a clock that runs back": {**NO_TIME, "time [ms]": -TICKS},
@@ -270,6 +283,9 @@ MAPS: dict[str, dict[str, Any]] = {
         "gear_ratio": 300,
         "motor_position": {"column": "motor_position", "scale": "1/2000", "unit": "turn"},
         "motor_torque": {"column": "motor_torque", "unit": "N m", "side": "link"},
+    },
+    "an encoder of 60 000 counts": {
+        "motor_position": {"column": "motor_position", "scale": "1/60000", "unit": "turn"},
     },
     "a sample time": BY_STEPS,
     "a sample time and no time": {**BY_STEPS, "time": False},

@@ -26,6 +26,7 @@ _LEAST = 0.005  # of a position's range: dry friction causes smaller jumps, whic
 _SHORTEST_PART = 2.0  # s from jump to jump on average: with more jumps, the motion itself is rough
 _SIMILAR = 2.0  # ratio of the largest of three jumps to the smallest: those of joined logs differ
 _WHOLE = 1e-3  # largest deviation of a whole number of counts, or of turns
+_AS_FAST = 2.0  # largest motion at an overflow over that in other samples
 _SLOW = 0.125  # of a counter's range: largest motion in a sample for which overflows are clear
 _SAME = 0.2  # difference of both positions' jumps over the larger one, where logs were joined
 
@@ -128,7 +129,7 @@ def _jumps(time: FloatArray, values: FloatArray) -> dict[int, float]:
     return dict(zip(changes[places[large]].tolist(), ratios[large].tolist(), strict=True))
 
 
-def count_over(log: Draft) -> None:
+def count_positions_over(log: Draft) -> None:
     """Let positions go on where counters of 16 or 32 bits overflow, unless by whole turns."""
     moving = [name for name in log.those_of(ENCODERS) if np.ptp(log[name])]
     for name, (bits, span) in product(moving, COUNTERS.items()):
@@ -141,7 +142,10 @@ def count_over(log: Draft) -> None:
         steps = np.diff(counts)
         wraps = np.rint(steps / span)
         places = np.flatnonzero(wraps)
-        if len(places) and np.abs(steps - span * wraps).max() < _SLOW * span:
+        rest = np.abs(steps - span * wraps)
+        # Where an encoder wraps by another count, it seems to move faster than elsewhere.
+        usual = rest[places].max(initial=0.0) <= _AS_FAST * rest[wraps == 0.0].max(initial=0.0)
+        if len(places) and usual and rest.max() < _SLOW * span:
             log.warn(
                 name,
                 f"{name} is a counter of {bits} bits that overflows (at {log.at(places + 1)}), so "

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.readers.formats import format_of
-from flexid.recording import checks, jumps
+from flexid.recording import checks
 from flexid.recording.columns import read_channels
-from flexid.recording.jumps import align, find_seams, unwrap
+from flexid.recording.jumps import align, count_positions_over, find_seams, unwrap
 from flexid.recording.outliers import mend
 from flexid.recording.recipes import MapSource
 from flexid.recording.recording import ENCODERS, INPUTS, VELOCITIES, Draft, Log, Rank, Recording
@@ -25,7 +25,7 @@ from flexid.recording.sampling import (
     Grid,
     are_gaps,
     count_on,
-    count_over,
+    count_time_over,
     drop_repeats,
     even_grid,
     interpolated,
@@ -41,6 +41,7 @@ _NINES = re.compile(r"-?99\.?9[.9]*")
 # Zeros of readings that failed: at least three in a log, at most three in a row, and ten times as
 # far from the values around them as these are apart. A smaller one does little harm.
 _FEWEST_ZEROS, _LONGEST_ZERO, _APART = 3, 3, 10.0
+_FEW_LEVELS = 20
 _LIMITS = np.array([2**15 - 1, 2**15, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1], dtype=np.float64)
 
 
@@ -97,11 +98,11 @@ def _draft_of(table: Table, columns: MapSource | None, number: str) -> Draft:
     checks.check_magnitude(log)
     drop_marks(log)
     drop_zeros(log)
-    count_over(log)
+    count_time_over(log)
     count_on(log)
     drop_repeats(log, table)
     drop_holes(log)
-    jumps.count_over(log)
+    count_positions_over(log)
     integrate_velocities(log)
     checks.drop_frozen(log)
     return log
@@ -131,7 +132,7 @@ def drop_marks(log: Draft) -> None:
     """Make holes of numbers that mark missing values, such as -999 far from all others."""
     for name in log.names:
         origin = log.channels[name].origin
-        for end in (np.min, np.max):
+        for end in (np.min, np.max, np.min):  # one mark may hide another
             values = log[name]
             known = values[np.isfinite(values)]
             mark = end(known) if len(known) else np.nan
@@ -140,9 +141,10 @@ def drop_marks(log: Draft) -> None:
                 continue
             raw = float((mark - origin.offset) / origin.factor)
             if _NINES.fullmatch(f"{raw:.6g}") or np.isclose(abs(raw), _LIMITS, rtol=1e-9).any():
-                count = len(known) - len(rest)
-                # More may be a level of an input.
-                is_hole = name not in INPUTS or count <= MOST_GAPS * len(values)
+                count, marked = len(known) - len(rest), values == mark
+                # Several in a row may be pulses of an input, and more of them a level.
+                is_alone = count <= MOST_GAPS * len(values) and not (marked[1:] & marked[:-1]).any()
+                is_hole = name not in INPUTS or is_alone
                 taken = "was taken for" if is_hole else "may mark"
                 log.warn(
                     name,
@@ -150,7 +152,7 @@ def drop_marks(log: Draft) -> None:
                     f"value: leave such cells empty",
                     Rank.DATA,
                 )
-                log[name] = np.where(is_hole & (values == mark), np.nan, values)
+                log[name] = np.where(is_hole & marked, np.nan, values)
 
 
 def drop_zeros(log: Draft) -> None:
@@ -159,7 +161,8 @@ def drop_zeros(log: Draft) -> None:
         values = log[name]
         zero = log.channels[name].origin.offset
         others = np.flatnonzero((values != zero) & np.isfinite(values))
-        if len(others) < 2:
+        # An input with few levels may be off for a moment.
+        if len(others) < 2 or (name in INPUTS and len(np.unique(values[others])) <= _FEW_LEVELS):
             continue
         places = np.flatnonzero(values == zero)
         places = places[(others[0] < places) & (places < others[-1])]

@@ -49,7 +49,7 @@ class Grid(NamedTuple):
     resample: bool = False  # whether stamps deviate from the even grid by more than rounding
 
 
-def count_over(log: Draft) -> None:
+def count_time_over(log: Draft) -> None:
     """Let the time of a counter that overflows go on, with a warning."""
     steps = np.diff(log.time)
     falls = np.flatnonzero(steps < 0.0)

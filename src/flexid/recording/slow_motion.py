@@ -172,10 +172,11 @@ def is_of_the_spring(recording: Recording) -> bool:
     motor, link, acts = recording.motor_position, recording.link_position, recording.input
     if smoothed is None or link is None or acts is None or recording.clamped:
         return False
-    torque, bent = smoothed(acts), smoothed(motor - link)
+    torque, bent = smoothed(acts), motor - link
+    spring = [smoothed(bent), smoothed(bent**3)]  # which may harden
     of_motor = [smoothed(motor, 2), *_resistance(recording, smoothed, motor)]
-    whole, left = left_over(torque), left_over(torque, [bent])
-    return left < _OF_THE_SPRING * whole and left_over(torque, [bent], of_motor) > _AS_MUCH * left
+    whole, left = left_over(torque), left_over(torque, spring)
+    return left < _OF_THE_SPRING * whole and left_over(torque, spring, of_motor) > _AS_MUCH * left
 
 
 def late_input(recording: Recording) -> Iterator[str]:

@@ -206,7 +206,7 @@ def as_utf_8(file: str, raw: bytes) -> bytes:
     return text if b"\n" in text else text.replace(b"\r", b"\n")
 
 
-_CODE_PAGES = {"gb2312": rb"[\xa1-\xfe]{4}", "cp932": rb"\x83"}
+_CODE_PAGES = {"gb2312": rb"[\xa1-\xfe]{4}", "cp932": rb"(?:[\x81-\x9f][\x40-\x7e\x80-\xfc]){2}"}
 """Codecs of Chinese and Japanese texts, with bytes that texts in Latin-1 lack."""
 
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.errors import ConvergenceError
+from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.normal_equations import scaled_inverse
 from flexid.estimators.samples import side_by_side
 from flexid.estimators.state_variable_filter import RowFit, regressors
@@ -307,7 +307,7 @@ def _refit(found: Disturbed, band: Band, log: str = "") -> Repeat | None:
     begun = {name.removesuffix(log): value for name, value in fitted.by_name.items()}
     try:
         other = band.fit(fitted.structure, begun, found.best.sizes, of_band=of_band).fitted
-    except ConvergenceError:
+    except (ConvergenceError, SettingError):  # the latter if a part is too short for a segment
         return None
     names = [name.removesuffix(log) for name in fitted.names]
     places = [i for i, name in enumerate(names) if not (log and "[" in name)]

@@ -87,8 +87,10 @@ def _with_encoder_lag(
     """Return the job, the answer and the lag of encoders that leave less than `found`, if any."""
     from flexid.identification.estimation.encoder_lag import likely_encoder_lag
 
-    is_free = logged.joint.kind == "flexible" and logged.settings.link_delay == "auto"
-    if not is_free or _explains(found, logged.thresholds):
+    sought = {logged.settings.link_delay, logged.settings.input_delay} == {"auto"}
+    if logged.joint.kind != "flexible" or not sought or amplifier.filters_positions:
+        return None
+    if _explains(found, logged.thresholds):
         return None
     logged.progress("a filter of the encoders")
     delays = {**found.fits.reported.delays}

@@ -121,7 +121,8 @@ def _middle(samples: Samples) -> int:
     motion = np.cumsum(np.sum(samples.velocities**2, axis=1))
     if abs(motion[middle] - 0.5 * motion[-1]) <= _UNEVEN * motion[-1]:
         return middle
-    return int(np.searchsorted(motion, 0.5 * motion[-1]))
+    shortest = len(samples) // 4
+    return int(np.clip(np.searchsorted(motion, 0.5 * motion[-1]), shortest, 3 * shortest))
 
 
 def data_of(

@@ -1,6 +1,7 @@
 """Thresholds of an identification, each with its unit and reason."""
 
 from dataclasses import dataclass, field, fields
+from numbers import Real
 from typing import Any
 
 from flexid.errors import SettingError
@@ -146,8 +147,8 @@ class Thresholds:
     def __post_init__(self) -> None:
         for one in fields(self):
             value = getattr(self, one.name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0.0:
-                raise SettingError(one.name, f"must be a number above 0, got {value!r}")
+            if isinstance(value, bool) or not isinstance(value, Real) or not float(value) >= 0.0:
+                raise SettingError(one.name, f"must be a number from 0 on, got {value!r}")
 
     def noise_floor(self, shortest: float) -> float:
         """Return the excess that counts as noise: the excess over the shortest segments, clipped.
