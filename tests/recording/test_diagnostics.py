@@ -208,7 +208,7 @@ def test_a_deflection_in_degrees(factor: float):
 @pytest.mark.parametrize("hardening", [0.0, 0.3])
 @pytest.mark.parametrize("motor_inertia", [0.0, 0.05])
 def test_the_torque_of_a_spring_is_no_motors(hardening: float, motor_inertia: float):
-    """Assert that a motor is seen in its torque beside a linear or a hardening spring."""
+    """Assert that a motor shows in its torque, with a linear or a hardening spring."""
     time, tones = 0.002 * np.arange(6000), np.array([2.0, 7.3, 16.0])
     motion = 0.3 * np.sin(np.outer(time, tones))
     link, torque = motion.sum(axis=1), -motion @ tones**2
