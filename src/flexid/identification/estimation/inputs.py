@@ -87,10 +87,10 @@ def _with_encoder_lag(
     """Return the job, the answer and the lag of encoders that leave less than `found`, if any."""
     from flexid.identification.estimation.encoder_lag import likely_encoder_lag
 
-    sought = {logged.settings.link_delay, logged.settings.input_delay} == {"auto"}
-    if logged.joint.kind != "flexible" or not sought or amplifier.filters_positions:
+    if logged.joint.kind != "flexible" or amplifier.filters_positions:
         return None
-    if _explains(found, logged.thresholds):
+    given = {logged.settings.link_delay, logged.settings.input_delay} != {"auto"}
+    if given or _explains(found, logged.thresholds):
         return None
     logged.progress("a filter of the encoders")
     delays = {**found.fits.reported.delays}
