@@ -279,9 +279,10 @@ def _numbers(job: Job, fits: FinalFits, found: Answer) -> _Numbers:
         joined = replace(joined, estimate=without_unused_link(joined.estimate, remaining))
     against = contradicted[0] if contradicted else "" if reported.converged else _NOT_CONVERGED
     half = widest(coefficients, sizes)
-    two_sided = job.joint.kind == "flexible"
-    of_spring = two_sided and all(map(is_of_the_spring, job.recordings.recorded))
-    without_motor = (_SPRING_SENSOR,) * of_spring
+    has_motor = job.joint.kind != "flexible" or not all(
+        map(is_of_the_spring, job.recordings.recorded)
+    )
+    without_motor = () if has_motor else (_SPRING_SENSOR,)
 
     def with_unknown(values: Mapping[str, ValueEstimate]) -> dict[str, ValueEstimate]:
         """Mark values as unknown after a contradiction, or if the log shows no spring."""

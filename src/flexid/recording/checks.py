@@ -17,6 +17,7 @@ _MISREAD = {  # by SI unit: factor if another unit was read as SI, text for a me
 }
 MOST_POWER = 2e4  # W, of the drive of a joint
 _LARGEST_INPUT = {"A": 500.0, "V": 2000.0}
+FEW_LEVELS = 20  # distinct values up to which an input switches between levels
 _FEWEST_LEVELS, _LEAST_LEVEL = 20, 50.0  # distinct values and largest value of raw whole numbers
 _SMALLEST_MOTION = 1e-12  # range over the largest value; a smaller one is rounding
 _MOST_STILL = 20.0  # range over noise of a motor at rest (noise alone gives 9)
@@ -228,7 +229,7 @@ def check_saturation(log: Draft, name: str) -> None:
     for level, sign in ((values.min(), -1.0), (values.max(), 1.0)):
         share = np.count_nonzero(values == level) / len(values)
         # An input that switches between a few levels is not clipped.
-        if share > 0.01 and len(np.unique(values)) > 20 and _has_limit(sign * values):
+        if share > 0.01 and len(np.unique(values)) > FEW_LEVELS and _has_limit(sign * values):
             log.warn(
                 name,
                 f"{name} rests at its extreme of {level:.4g} {log.channels[name].unit} in "

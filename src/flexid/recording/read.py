@@ -41,7 +41,6 @@ _NINES = re.compile(r"-?99\.?9[.9]*")
 # Zeros of readings that failed: at least three in a log, at most three in a row, and ten times as
 # far from the values around them as these are apart. A smaller one does little harm.
 _FEWEST_ZEROS, _LONGEST_ZERO, _APART = 3, 3, 10.0
-_FEW_LEVELS = 20
 _LIMITS = np.array([2**15 - 1, 2**15, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1], dtype=np.float64)
 
 
@@ -162,7 +161,9 @@ def drop_zeros(log: Draft) -> None:
         zero = log.channels[name].origin.offset
         others = np.flatnonzero((values != zero) & np.isfinite(values))
         # An input with few levels may be off for a moment.
-        if len(others) < 2 or (name in INPUTS and len(np.unique(values[others])) <= _FEW_LEVELS):
+        if len(others) < 2 or (
+            name in INPUTS and len(np.unique(values[others])) <= checks.FEW_LEVELS
+        ):
             continue
         places = np.flatnonzero(values == zero)
         places = places[(others[0] < places) & (places < others[-1])]

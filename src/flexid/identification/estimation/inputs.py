@@ -85,13 +85,14 @@ def _with_encoder_lag(
     logged: Job, found: Answer, amplifier: Amplifier, *, of_both: bool
 ) -> "tuple[Job, Answer, EncoderLag] | None":
     """Return the job, the answer and the lag of encoders that leave less than `found`, if any."""
-    from flexid.identification.estimation.encoder_lag import likely_encoder_lag
-
     if logged.joint.kind != "flexible" or amplifier.filters_positions:
         return None
     given = {logged.settings.link_delay, logged.settings.input_delay} != {"auto"}
     if given or _explains(found, logged.thresholds):
         return None
+    # Imported late: a log whose terms explain it does not need this module.
+    from flexid.identification.estimation.encoder_lag import likely_encoder_lag
+
     logged.progress("a filter of the encoders")
     delays = {**found.fits.reported.delays}
     delays[INPUT] += amplifier.lag
